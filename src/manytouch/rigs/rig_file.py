@@ -136,7 +136,7 @@ def load_rig(path: Path) -> Rig:
     except FileNotFoundError:
         raise SourceError(f"the rig file {path} does not exist: give the path of an existing one") from None
     except ValidationError as error:
-        raise SourceError(all_mistakes(f"rig file {path}", error)) from None
+        raise SourceError(all_mistakes(f"rig file {path}", error, RigFile)) from None
     return Rig(name=file.name, sensors=tuple(_rig_sensor(each, path.parent) for each in file.sensors))
 
 

@@ -11,8 +11,10 @@ import pytest
 from manytouch.errors import OutputError, SensorError
 from manytouch.geometry.camera import project
 from manytouch.geometry.refraction import rest_px
+from manytouch.limits import MAX_MARKERS
 from manytouch.values import Sensor
 from manytouch.values.sensor_file import known_sensors, load_sensor, save_sensor
+from manytouch.values.sensor_file.schema import MarkersSection
 
 TEXT = """
 schema = 1
@@ -295,6 +297,76 @@ def test_all_mistakes_are_named_at_once(written: Path) -> None:
         load_sensor(written)
 
 
+def message_of(path: Path, *changes: tuple[str, str]) -> str:
+    """What is reported about the sensor file with some changes."""
+    text = TEXT
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text)
+    with pytest.raises(SensorError) as refusal:
+        load_sensor(path)
+    return str(refusal.value)
+
+
+def test_all_contradictions_are_named_at_once(written: Path) -> None:
+    message = message_of(
+        written,
+        ("size_mm = [120.0, 80.0]", "size_mm = [60.0, 40.0]\nyoung_std_MPa = 0.1\nwindow_mm = 2.0"),
+        ("radius_mm = 1.0", "radius_mm = 5.0"),
+        ("[[3, 29]]", "[[3, 29], [3, 30], [20, 0]]"),
+        ("distortion = [-0.1, 0.0, 0.0, 0.0, 0.0]", "distortion = [0.1]"),
+    )
+    for words in (
+        "camera: distortion of a pinhole camera has 5 numbers, found 1; ",
+        "sheet: young_std_MPa is the standard deviation of young_MPa",
+        'sheet: window_mm belong to boundary = "bonded"',
+        "markers: missing [3, 30], and 1 more are outside 20 x 30 markers; ",
+        "markers: markers of radius_mm = 5 overlap",
+        "of 600 markers are outside the clamped outline",
+    ):
+        assert message.count(words) == 1, message
+
+
+def test_contradictions_are_named_beside_wrong_keys_and_types(written: Path) -> None:
+    outline = ("size_mm = [120.0, 80.0]", "size_mm = [60.0, 40.0]")
+    message = message_of(
+        written, outline, ("[noise]\n", "[noise]\nnois = 1.0\n"), ("fx_px = 2061.0", 'fx_px = "a"')
+    )
+    for words in ("unknown key noise.nois", "camera.fx_px = 'a'", "markers are outside the clamped outline"):
+        assert message.count(words) == 1, message
+    assert "either one [camera]" not in message
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("[noise]", "[nois]", "unknown key nois, did you mean noise?"),
+        ("columns = 30", "colums = 30", "unknown key markers.colums, did you mean columns?"),
+        (
+            "radius_mm = 1.0",
+            "radius_mm = 1.0\nshade = 1\ntint = 2",
+            "unknown key markers.shade (allowed are rows, columns, pitch_mm, offset_mm, rest_mm, radius_mm, "
+            "height_mm, polarity, colour_weights, missing); unknown key markers.tint",
+        ),
+        ("thickness_mm = 3.0\n", "thickness_mm = 3.0\ntint = 2\n", "window_mm, window_index, pad_index)"),
+        ("thickness_mm = 3.0\n", "", "sheet.thickness_mm is missing: give a number above 0"),
+        ("width_px = 2560\n", "", "camera.width_px is missing: give a whole number above 0"),
+        ("cx_px = 1279.5\n", "", "camera.cx_px is missing: give a number"),
+        ("size_mm = [120.0, 80.0]\n", "", "sheet.size_mm is missing: give a list"),
+    ],
+)
+def test_a_mistake_in_a_key_names_what_is_allowed(written: Path, old: str, new: str, words: str) -> None:
+    assert words in message_of(written, (old, new))
+
+
+def test_unknown_keys_of_views_name_what_is_allowed(tmp_path: Path) -> None:
+    path = tmp_path / "views.toml"
+    path.write_text(several_views(TEXT).replace("cx_px", "cxpx", 1))
+    with pytest.raises(SensorError, match=r"unknown key views.0.cxpx, did you mean cx_px\?"):
+        load_sensor(path)
+
+
 def test_what_could_not_be_read_again_is_not_saved(written: Path, tmp_path: Path) -> None:
     sensor = load_sensor(written)
     small = replace(sensor, sheet=replace(sensor.sheet, size_mm=np.array([50.0, 40.0])))
@@ -362,13 +434,14 @@ def test_an_unwritable_folder_raises(written: Path, tmp_path: Path) -> None:
         ("size_mm = [120.0, 80.0]", "size_mm = [1e300, 80.0]", "size_mm"),
     ],
 )
-def test_limits_are_checked_before_anything_is_computed(
+def test_limits_are_checked_before_anything_is_computed_for_each_marker(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str, words: str
 ) -> None:
-    def never(*_: object) -> None:
-        raise AssertionError("positions of the markers were computed")
+    def of_few(markers: MarkersSection) -> np.ndarray:
+        assert markers.count <= MAX_MARKERS, "positions of too many markers were computed"
+        return np.zeros((markers.count, 2))
 
-    monkeypatch.setattr("manytouch.values.sensor_file.schema.MarkersSection.rest_xy_mm", property(never))
+    monkeypatch.setattr("manytouch.values.sensor_file.schema.MarkersSection.rest_xy_mm", property(of_few))
     monkeypatch.setattr(
         "manytouch.values.sensor_file.schema.MarkersSection.min_distance_mm", property(lambda _: 3.0)
     )

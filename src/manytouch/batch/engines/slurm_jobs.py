@@ -64,7 +64,7 @@ def read_options(path: Path) -> SlurmOptions:
             f"the options file {path} does not exist: write one with jobs, cores, memory and walltime"
         ) from None
     except ValidationError as error:
-        raise ManytouchError(all_mistakes(f"SLURM options {path}", error)) from None
+        raise ManytouchError(all_mistakes(f"SLURM options {path}", error, SlurmOptions)) from None
 
 
 def jobs_for(options: SlurmOptions, recordings: int) -> int:

@@ -112,7 +112,7 @@ def load_board_scene(path: Path) -> BoardScene:
     try:
         file = _File.model_validate(read_toml(path, "a scene file", SourceError))
     except ValidationError as error:
-        raise SourceError(all_mistakes(f"scene file {path}", error)) from None
+        raise SourceError(all_mistakes(f"scene file {path}", error, _File)) from None
     sensor = load_sensor(path.parent / file.sensor)
     focus_mm = file.board.distance_mm or float(sensor.camera.translation_mm[2])
     if file.board.distance_mm is None and sensor.layout is None:

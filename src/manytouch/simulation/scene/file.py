@@ -228,7 +228,7 @@ def load_scene(path: str | Path | Traversable, *, width_px: int | None = None) -
     try:
         checked = _File.model_validate(table)
     except ValidationError as error:
-        raise SourceError(all_mistakes(f"scene file {path}", error)) from None
+        raise SourceError(all_mistakes(f"scene file {path}", error, _File)) from None
     folder = path.parent if isinstance(path, Path) else Path()
     return _scene(checked, folder, width_px or checked.width_px)
 

@@ -14,7 +14,13 @@ from scipy.spatial import KDTree
 from manytouch.errors import SensorError, require_type
 from manytouch.values.arrays import read_only
 from manytouch.values.sensor import Camera, Layout, Sensor, Sheet, camera_of_views
-from manytouch.values.sensor_file.schema import CameraSection, MarkersSection, PoseSection, SensorFile
+from manytouch.values.sensor_file.schema import (
+    CameraSection,
+    MarkersSection,
+    PoseSection,
+    SensorFile,
+    further_mistakes,
+)
 from manytouch.values.sensor_file.sections import all_mistakes
 from manytouch.values.sensor_file.toml_file import read_toml
 
@@ -49,7 +55,8 @@ def load_sensor(path: str | Path) -> Sensor:
     try:
         checked = SensorFile.model_validate(table)
     except ValidationError as error:
-        raise SensorError(all_mistakes(f"sensor file {path}", error)) from None
+        further = further_mistakes(table, error)
+        raise SensorError(all_mistakes(f"sensor file {path}", error, SensorFile, further)) from None
     return _sensor(checked)
 
 

@@ -1,9 +1,10 @@
 """Sections of the sensor file with their checks (pydantic models); all lengths in mm."""
 
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 from scipy.spatial import KDTree
 
 from manytouch.limits import MAX_MARKERS, size_mistake
@@ -11,12 +12,14 @@ from manytouch.values.sensor import Boundary
 from manytouch.values.sensor_file.sections import (
     ONE_OR_LIST,
     Count,
+    MistakesError,
     NonNegative,
     Number,
     One,
     Positive,
     Section,
     Several,
+    without_unknown_keys,
 )
 
 PositiveOrTwo = Annotated[
@@ -68,34 +71,25 @@ class CameraSection(Section):
     distortion_std: list[NonNegative] | None = None
     pose: PoseSection | None = None
 
-    @model_validator(mode="after")
-    def _check_size(self) -> "CameraSection":
+    def mistakes(self) -> Iterator[str]:
+        """What contradicts each other or exceeds a limit, in sentences."""
         mistake = size_mistake(self.width_px, self.height_px)
         if mistake is not None:
-            raise ValueError(mistake)
+            yield mistake
         for name, centre_px, side_px in (
             ("cx_px", self.cx_px, self.width_px),
             ("cy_px", self.cy_px, self.height_px),
         ):
             if abs(centre_px) > MAX_CENTRE_SHARE * side_px:
-                raise ValueError(
-                    f"{name} = {centre_px:g} is not within {MAX_CENTRE_SHARE} images of the image's centre"
-                )
-        return self
-
-    @model_validator(mode="after")
-    def _check_distortion(self) -> "CameraSection":
+                yield f"{name} = {centre_px:g} is not within {MAX_CENTRE_SHARE} images of the image's centre"
         expected = 5 if self.model == "pinhole" else 4
         if self.distortion and len(self.distortion) != expected:
-            raise ValueError(
-                f"distortion of a {self.model} camera has {expected} numbers, found {len(self.distortion)}"
-            )
+            yield f"distortion of a {self.model} camera has {expected} numbers, found {len(self.distortion)}"
         if self.distortion_std is not None and len(self.distortion_std) != len(self.distortion):
-            raise ValueError(
+            yield (
                 f"distortion_std has {len(self.distortion_std)} numbers, but distortion has "
                 f"{len(self.distortion)}: specify one for each"
             )
-        return self
 
 
 class ViewSection(CameraSection):
@@ -131,38 +125,31 @@ class SheetSection(Section):
     window_index_std: NonNegative | None = None
     pad_index_std: NonNegative | None = None
 
-    @model_validator(mode="after")
-    def _check_deviations(self) -> "SheetSection":
+    def mistakes(self) -> Iterator[str]:
+        """What contradicts each other, in sentences."""
         for name in type(self).model_fields:
             own = name.replace("_std", "")
             if own in {name, "outline_mm"} or getattr(self, name) is None:
                 continue
             if getattr(self, own) is None:
-                raise ValueError(f"{name} is the standard deviation of {own}: specify {own} too")
-        return self
-
-    @model_validator(mode="after")
-    def _check_boundary(self) -> "SheetSection":
+                yield f"{name} is the standard deviation of {own}: specify {own} too"
         unsuitable = _ONLY_BONDED if self.boundary == "clamped" else _ONLY_CLAMPED
         found = [name for name in unsuitable if getattr(self, name) is not None]
         if found:
             other = "bonded" if self.boundary == "clamped" else "clamped"
-            raise ValueError(
+            yield (
                 f'{", ".join(found)} belong to boundary = "{other}", but boundary = "{self.boundary}": '
                 "remove these keys or change the boundary"
             )
         if self.boundary == "bonded" and self.marker_depth_mm is None:
-            raise ValueError(
-                'boundary = "bonded" needs marker_depth_mm, the depth of the markers below the contact face'
-            )
+            yield 'boundary = "bonded" needs marker_depth_mm, the depth of the markers below the contact face'
         if self.marker_depth_mm is not None and self.marker_depth_mm > self.thickness_mm:
-            raise ValueError(
+            yield (
                 f"marker_depth_mm = {self.marker_depth_mm:g} is larger than thickness_mm = "
                 f"{self.thickness_mm:g}: the markers lie inside the pad"
             )
         if self.window_index is not None and self.window_mm is None:
-            raise ValueError("window_index is that of the window: specify window_mm, its thickness, too")
-        return self
+            yield "window_index is that of the window: specify window_mm, its thickness, too"
 
 
 class MarkersSection(Section):
@@ -183,40 +170,39 @@ class MarkersSection(Section):
         default_factory=list, max_length=MAX_MARKERS
     )
 
-    @model_validator(mode="after")
-    def _check_layout(self) -> "MarkersSection":
-        grid = (self.rows, self.columns)
-        if (self.rows is None) != (self.columns is None):
-            raise ValueError("rows and columns belong together: specify both, or neither and rest_mm")
+    def mistakes(self) -> Iterator[str]:
+        """What contradicts each other or exceeds a limit, in sentences."""
+        rows, columns = self.rows, self.columns
+        if (rows is None) != (columns is None):
+            yield "rows and columns belong together: specify both, or neither and rest_mm"
+        elif self.rest_mm is None and (rows is None or self.pitch_mm is None):
+            yield "specify rows, columns and pitch_mm, or the table rest_mm"
         if self.count > MAX_MARKERS:
-            raise ValueError(f"{self.count} markers are too many: at most {MAX_MARKERS} are allowed")
-        if self.rest_mm is None and (None in grid or self.pitch_mm is None):
-            raise ValueError("specify rows, columns and pitch_mm, or the table rest_mm")
-        if self.rest_mm is not None:
-            if len(self.rest_mm) < 4:
-                raise ValueError(f"rest_mm needs at least 4 markers, found {len(self.rest_mm)}")
-            if (
-                self.rows is not None
-                and self.columns is not None
-                and len(self.rest_mm) != self.rows * self.columns
-            ):
-                raise ValueError(
-                    f"rest_mm has {len(self.rest_mm)} markers, rows * columns = {self.rows * self.columns}"
-                )
-        if self.missing and None in grid:
-            raise ValueError("missing lists [row, column] pairs and requires rows and columns")
-        for row, column in self.missing:
-            if row >= (self.rows or 0) or column >= (self.columns or 0):
-                raise ValueError(f"missing [{row}, {column}] is outside {self.rows} x {self.columns} markers")
+            yield f"{self.count} markers are too many: at most {MAX_MARKERS} are allowed"
+        if self.rest_mm is not None and len(self.rest_mm) < 4:
+            yield f"rest_mm needs at least 4 markers, found {len(self.rest_mm)}"
+        if rows is not None and columns is not None:
+            if self.rest_mm is not None and len(self.rest_mm) != rows * columns:
+                yield f"rest_mm has {len(self.rest_mm)} markers, rows * columns = {rows * columns}"
+            outside = [place for place in self.missing if place[0] >= rows or place[1] >= columns]
+            if outside:
+                others = f", and {len(outside) - 1} more are" if len(outside) > 1 else " is"
+                yield f"missing {outside[0]}{others} outside {rows} x {columns} markers"
+        elif self.missing and rows is None and columns is None:
+            yield "missing lists [row, column] pairs and requires rows and columns"
         if isinstance(self.radius_mm, list) and len(self.radius_mm) != self.count:
-            raise ValueError(f"radius_mm has {len(self.radius_mm)} numbers for {self.count} markers")
-        apart_mm = self.min_distance_mm
-        if apart_mm <= 2.0 * np.min(self.radius_mm):
-            raise ValueError(
+            yield f"radius_mm has {len(self.radius_mm)} numbers for {self.count} markers"
+        elif self.has_positions and self.min_distance_mm <= 2.0 * np.min(self.radius_mm):
+            yield (
                 f"markers of radius_mm = {np.min(self.radius_mm):g} overlap: the smallest distance between "
-                f"two is {apart_mm:g} mm"
+                f"two is {self.min_distance_mm:g} mm"
             )
-        return self
+
+    @property
+    def has_positions(self) -> bool:
+        """Whether the file determines a position for each of an allowed number of markers."""
+        is_determined = self.rest_mm is not None or self.pitch_mm is not None
+        return is_determined and 0 < self.count <= MAX_MARKERS
 
     @property
     def count(self) -> int:
@@ -259,44 +245,80 @@ class SensorFile(Section):
     provenance: dict[str, Any] = Field(default_factory=dict)
 
     @model_validator(mode="after")
-    def _check_views(self) -> "SensorFile":
-        if (self.camera is None) == (self.views is None):
-            raise ValueError("a sensor has either one [camera], or several [[views]], each with its pose")
-        if self.views is None:
-            return self
-        names = [view.name for view in self.views]
-        if len(set(names)) < len(names):
-            raise ValueError(f"views need different names, found {', '.join(names)}")
-        if self.markers is None or any(view.pose is None for view in self.views):
-            raise ValueError("several [[views]] need [markers], and each view its pose ([views.pose])")
-        mistake = size_mistake(
-            sum(view.width_px for view in self.views), max(view.height_px for view in self.views)
-        )
-        if mistake is not None:
-            raise ValueError(f"the pictures of the views in a row are too large: {mistake}")
-        if self.sheet is None or self.sheet.boundary == "bonded":
-            raise ValueError('several [[views]] need a [sheet] with boundary = "clamped"')
+    def _check(self) -> "SensorFile":
+        if found := list(self.mistakes()):
+            raise MistakesError(found)
         return self
 
-    @model_validator(mode="after")
-    def _check_pose_and_outline(self) -> "SensorFile":
+    def mistakes(self, wrong: Collection[str] = ()) -> Iterator[str]:
+        """What contradicts each other or exceeds a limit, in sentences.
+
+        Args:
+            wrong: sections that the file has, but not this object, as their keys or types are wrong.
+        """
+        views = {f"views.{number}": view for number, view in enumerate(self.views or ())}
+        sections = {"camera": self.camera, **views, "sheet": self.sheet, "markers": self.markers}
+        for name, section in sections.items():
+            if section is not None:
+                yield from (f"{name}: {mistake}" for mistake in section.mistakes())
+        if not {"camera", "views"} & set(wrong) and (self.camera is None) == (self.views is None):
+            yield "a sensor has either one [camera], or several [[views]], each with its pose"
+        if self.views is not None:
+            yield from self._mistakes_of_views(self.views, wrong)
         if self.markers is not None and self.camera is not None and self.camera.pose is None:
-            raise ValueError(
+            yield (
                 "a sensor with [markers] needs [camera.pose]; or leave [markers] out: manytouch calibrate "
                 "rest finds both"
             )
         if self.markers is not None and self.sheet is not None:
-            if self.sheet.boundary == "bonded" and self.markers.height_mm > 0.0:
-                raise ValueError(
-                    f"markers.height_mm = {self.markers.height_mm:g} is for a clamped sheet; the markers of "
-                    "a bonded pad lie at sheet.marker_depth_mm below its contact face"
-                )
-            slack_mm = self.markers.min_distance_mm / 2  # tolerance of a measured outline
-            over = np.abs(self.markers.rest_xy_mm) > np.array(self.sheet.size_mm) / 2 + slack_mm
-            if over.any():
-                x, y = self.sheet.size_mm
-                raise ValueError(
-                    f"{int(over.any(axis=1).sum())} of {self.markers.count} markers are outside the "
-                    f"{self.sheet.boundary} outline, sheet.size_mm = [{x:g}, {y:g}]"
-                )
-        return self
+            yield from _mistakes_of_places(self.markers, self.sheet)
+
+    def _mistakes_of_views(self, views: Sequence[ViewSection], wrong: Collection[str]) -> Iterator[str]:
+        names = [view.name for view in views]
+        if len(set(names)) < len(names):
+            yield f"views need different names, found {', '.join(names)}"
+        if (self.markers is None and "markers" not in wrong) or any(view.pose is None for view in views):
+            yield "several [[views]] need [markers], and each view its pose ([views.pose])"
+        mistake = size_mistake(sum(view.width_px for view in views), max(view.height_px for view in views))
+        if mistake is not None:
+            yield f"the pictures of the views in a row are too large: {mistake}"
+        if "sheet" not in wrong and (self.sheet is None or self.sheet.boundary == "bonded"):
+            yield 'several [[views]] need a [sheet] with boundary = "clamped"'
+
+
+def _mistakes_of_places(markers: MarkersSection, sheet: SheetSection) -> Iterator[str]:
+    """Markers that do not lie where the sheet is."""
+    if sheet.boundary == "bonded" and markers.height_mm > 0.0:
+        yield (
+            f"markers.height_mm = {markers.height_mm:g} is for a clamped sheet; the markers of "
+            "a bonded pad lie at sheet.marker_depth_mm below its contact face"
+        )
+    if not markers.has_positions:
+        return
+    slack_mm = markers.min_distance_mm / 2  # tolerance of a measured outline
+    over = np.abs(markers.rest_xy_mm) > np.array(sheet.size_mm) / 2 + slack_mm
+    if over.any():
+        x, y = sheet.size_mm
+        yield (
+            f"{int(over.any(axis=1).sum())} of {markers.count} markers are outside the "
+            f"{sheet.boundary} outline, sheet.size_mm = [{x:g}, {y:g}]"
+        )
+
+
+def further_mistakes(table: Mapping[str, Any], error: ValidationError) -> list[str]:
+    """Contradictions among those sections of a file whose keys and types are right, in sentences.
+
+    Args:
+        table: the file, some of whose keys or types are wrong.
+        error: which ones; unknown keys do not make a section wrong.
+    """
+    faults = [item["loc"] for item in error.errors() if item["loc"] and item["type"] != "extra_forbidden"]
+    wrong = {str(place[0]) for place in faults}
+    known = without_unknown_keys(table, error)
+    sections: dict[str, Any] = {}
+    for name, section in (("camera", CameraSection), ("sheet", SheetSection), ("markers", MarkersSection)):
+        if name in known and name not in wrong:
+            sections[name] = section.model_validate(known[name])
+    if "views" in known and "views" not in wrong:
+        sections["views"] = [ViewSection.model_validate(view) for view in known["views"]]
+    return list(SensorFile.model_construct(**sections).mistakes(wrong))
