@@ -78,7 +78,7 @@ def test_demo_sends_readings_to_other_programs_at_the_rate_of_the_sensor(tmp_pat
     assert sum(map(int, counts.groups())) == 48, "some are dropped where the machine is busy"
     assert (tmp_path / "out" / "demo" / "contacts.csv").is_file()
     wrong = run_command("demo", "--to", "smoke://here", folder=tmp_path)
-    assert wrong.returncode == 1
+    assert wrong.returncode == 2
     assert "there is no output smoke://" in wrong.stderr
 
 
