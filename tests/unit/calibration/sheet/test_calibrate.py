@@ -326,6 +326,15 @@ def test_an_outline_that_the_file_states_exactly_hardly_moves():
     assert np.abs(exact).min() > np.abs(free).max()
 
 
+@pytest.mark.parametrize(("std", "least", "most"), [(0.0, 0.0, 1e-4), (0.5, 0.005, 1.0)])
+def test_a_stated_deviation_of_the_bending_factor_limits_how_far_it_moves(std, least, most):
+    """Presses of a sheet that bends as if it were 30 % stiffer than the file states."""
+    sensor = small_sensor()
+    sheet = replace(sensor.sheet, bending_factor=0.7, bending_factor_std=std)
+    found = calibrate_sheet(replace(sensor, sheet=sheet), pressed()).sheet.bending_factor
+    assert least <= abs(found / 0.7 - 1.0) < most
+
+
 def test_an_error_that_all_dots_share_does_not_outweigh_the_readings():
     """The displacements near the press are 1 % too small, which neither a shell nor noise explains."""
     sensor = small_sensor()
