@@ -16,7 +16,7 @@ from manytouch.calibration.rest.first_frames import (
     find_rest_dots,
     image_size,
 )
-from manytouch.calibration.rest.flatness import PRESSED_PITCHES, PRESSED_START, bulge_in_pitches
+from manytouch.calibration.rest.local_bulge import PRESSED_PITCHES, PRESSED_START, bulge_in_pitches
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
 from manytouch.calibration.rest_dots import RestDots

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from manytouch.calibration.rest.first_frames import arrange_rest_dots, find_rest_dots, image_size
-from manytouch.calibration.rest.flatness import bulge_in_pitches
+from manytouch.calibration.rest.local_bulge import bulge_in_pitches
 from manytouch.tracking.lattice.find import predict_positions
 from manytouch.values import Frame, Roi
 
@@ -25,8 +25,7 @@ class LayoutReport:
             rows.
         noise_px: median noise of a centre over the rest frames; NaN below three of them.
         still_frames: number of frames without motion.
-        bulge_pitches: largest local deviation from a smooth lattice; above 0.15 the sheet was probably
-            pressed.
+        bulge_pitches: local bulge (`bulge_in_pitches`); above 0.15 the sheet was probably pressed.
     """
 
     dots: int

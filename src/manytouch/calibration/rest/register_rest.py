@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from manytouch.calibration.rest.first_frames import MOST_FRAMES, detect_in_frames, image_size
-from manytouch.calibration.rest.flatness import local_departure_px
+from manytouch.calibration.rest.local_bulge import local_bulge_px
 from manytouch.calibration.rest.pose import adapt_pose
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
 from manytouch.calibration.rest_dots import RestDots, merge_rest_dots
@@ -161,10 +161,10 @@ def _register_and_count_dots(
             "sheet is untouched at the start, light and focus; or leave the sensor file out"
         )
     frames = "motionless frame" if still_frames == 1 else f"{still_frames} motionless frames"
-    departure = _departure_in_pitches(sensor, grid)
-    if departure > (TOUCHED_PITCHES if layout.rest_px is None else MOVED_PITCHES):
+    bulge = _bulge_in_pitches(sensor, grid)
+    if bulge > (TOUCHED_PITCHES if layout.rest_px is None else MOVED_PITCHES):
         sentence = (
-            f"The markers depart from their places in the sensor file by {departure:.2f} pitches at one "
+            f"The markers depart from their places in the sensor file by {bulge:.2f} pitches at one "
             f"place in the first {frames}: the sheet was touched, and the places of the sensor file are "
             "taken as rest; begin a recording untouched for better ones."
         )
@@ -189,7 +189,7 @@ def _register_and_count_dots(
     return registered, found
 
 
-def _departure_in_pitches(sensor: Sensor, grid: TrackedGrid) -> float:
+def _bulge_in_pitches(sensor: Sensor, grid: TrackedGrid) -> float:
     """Largest local distance of the markers from where the sensor file has them at rest.
 
     What a wrong pose, lens or print changes is smooth or alike in whole rows, and does not count. 0 for a
@@ -201,7 +201,7 @@ def _departure_in_pitches(sensor: Sensor, grid: TrackedGrid) -> float:
         return 0.0
     off_px = np.where(grid.is_seen[:, None], grid.position_px - rest_px(sensor, layout), 0.0)
     pitch_px = float(np.sqrt(np.prod(layout.pitch_mm))) / mm_per_px(sensor.camera)
-    return local_departure_px(layout.row_column, off_px, grid.is_seen) / pitch_px
+    return local_bulge_px(layout.row_column, off_px, grid.is_seen) / pitch_px
 
 
 def _difference(stated: Camera, adapted: Camera) -> str:

@@ -14,7 +14,7 @@ from itertools import islice, pairwise
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.calibration.rest.flatness import PRESSED_START
+from manytouch.calibration.rest.local_bulge import PRESSED_START
 from manytouch.estimation.local_motion import LocalMotion, marker_groups
 from manytouch.estimation.uncalibrated.marker_spacing import marker_spacing
 from manytouch.geometry.neighbours import nearest_neighbours

@@ -11,6 +11,7 @@ from manytouch.calibration import LayoutReport
 from manytouch.calibration.dot_shape import height_over_width
 from manytouch.calibration.dot_sharpness import edge_width_px, is_soft
 from manytouch.calibration.rest.first_frames import IN_FRONT_OF_A_SCENE
+from manytouch.calibration.rest.local_bulge import PRESSED_PITCHES
 from manytouch.detection import Appearance, survey
 from manytouch.detection.images import level_scale
 from manytouch.errors import LayoutError, SourceError
@@ -25,7 +26,7 @@ from manytouch.values.display.text import count_of
 LOW_CONTRAST, SMALL_RADIUS_PX = 20.0, 2.5
 MUCH_SATURATED, DARK_MEAN, UNSTEADY = 0.05, 40.0, 0.1
 SATURATED_LEVEL = 254.5  # the largest one, also of 16 bits that are scaled to 255
-NOISY_PX, MANY_MISSING, PRESSED_PITCHES = 0.15, 0.1, 0.15
+NOISY_PX, MANY_MISSING = 0.15, 0.1
 ODD_PITCHES = 0.05
 ODD_DOTS = 0.5  # of the ratio of the pitches, as logarithms: halfway between round and squeezed dots
 REPEATED_PX = 0.004  # noise below that of any camera

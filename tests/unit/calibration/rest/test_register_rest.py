@@ -10,7 +10,7 @@ from flat_sensor import detections_of, rectangle_px
 from manytouch.calibration import examine, register_rest, sensor_from_rest
 from manytouch.calibration.rest import register_rest as reference
 from manytouch.calibration.rest.assumed_sensor import sensor_from_dots
-from manytouch.calibration.rest.flatness import bulge_in_pitches
+from manytouch.calibration.rest.local_bulge import bulge_in_pitches
 from manytouch.calibration.rest.register_rest import register_dots
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT
 from manytouch.calibration.rest_dots import confirm_rest_dots, merge_rest_dots

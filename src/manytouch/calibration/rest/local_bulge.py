@@ -1,4 +1,8 @@
-"""Local deviation of a layout at rest from a smooth lattice; large where the sheet was pressed."""
+"""The local bulge of a layout: how far dots of one place lie off a smooth lattice, in the plane of the sheet.
+
+A press moves the dots around it apart, so a large bulge at the start of a recording means that the sheet was
+pressed then, or that its print is uneven there. It is no measure of whether the sheet is plane.
+"""
 
 import numpy as np
 from jaxtyping import Int64
@@ -8,7 +12,7 @@ from manytouch.tracking.lattice.arrange import Arrangement
 from manytouch.values.arrays import Mask, Points2
 
 PRESSED_PITCHES = 0.15
-"""A larger local deviation means that the pattern is uneven there, or the sheet was touched."""
+"""A larger bulge means that the pattern is uneven there, or the sheet was touched."""
 PRESSED_START = (
     "the pattern is uneven there, or the sheet was touched; the start of the recording is taken as rest"
 )
@@ -18,7 +22,7 @@ _TUKEY = 4.685
 
 
 def bulge_in_pitches(arrangement: Arrangement) -> float:
-    """Largest local deviation, in pitches, that perspective, lens distortion and uneven rows do not explain.
+    """The bulge in pitches: the largest local distance that perspective, lens and uneven rows do not explain.
 
     A robust bicubic surface over (row, column) takes perspective and distortion, free offsets of whole rows
     and columns absorb uneven spacing; the remainder, smoothed over neighbours, is local. 0 when there
@@ -26,12 +30,12 @@ def bulge_in_pitches(arrangement: Arrangement) -> float:
     """
     if arrangement.row_column is None:
         return 0.0
-    local_px = local_departure_px(arrangement.row_column, arrangement.centre_px, arrangement.dot >= 0)
+    local_px = local_bulge_px(arrangement.row_column, arrangement.centre_px, arrangement.dot >= 0)
     return float(local_px / np.sqrt(np.prod(arrangement.pitch_px)))
 
 
-def local_departure_px(row_column: Int64[np.ndarray, "m 2"], place_px: Points2, is_known: Mask) -> float:
-    """Largest local deviation of places (m, 2) of a full table of markers; see `bulge_in_pitches`.
+def local_bulge_px(row_column: Int64[np.ndarray, "m 2"], place_px: Points2, is_known: Mask) -> float:
+    """The bulge of places (m, 2) of a full table of markers; see `bulge_in_pitches`.
 
     Args:
         row_column: of each marker, row by row.
