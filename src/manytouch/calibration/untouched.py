@@ -14,7 +14,7 @@ from manytouch.calibration.outline.pad_outline import pad_of
 from manytouch.calibration.rest.calibrate import MAX_DRIFT_PITCHES, calibrate_rest, register_untouched
 from manytouch.calibration.rest.rest_calibration import with_provenance
 from manytouch.calibration.rest.rest_report import describe
-from manytouch.calibration.rest.whole_recording import AS_COMMON, WHOLE_RECORDING, rest_of_recording
+from manytouch.calibration.rest.whole_recording import RestDoubt, rest_of_recording
 from manytouch.calibration.views import calibrate_views, describe_views, with_provenance_of_views
 from manytouch.errors import SensorError
 from manytouch.geometry.refraction import rest_px
@@ -22,9 +22,9 @@ from manytouch.sources.source import Source
 from manytouch.tracking.lattice.find import local_spacing
 from manytouch.values import Frame, Roi, Sensor, Sheet
 
-DOUBTFUL = (
-    f"the frames at rest are doubtful, because {AS_COMMON}, and one of them may be touched: record two "
-    "seconds without a touch, and repeat"
+DOUBTFUL_FRAMES = (
+    f"the frames at rest are doubtful, because {RestDoubt.EQUALLY_COMMON.value}, and one of them may be "
+    "touched: record two seconds without a touch, and repeat"
 )
 
 
@@ -71,11 +71,11 @@ def untouched_frames(
         return UntouchedFrames(frames=first)
     known = replace(known, sheet=known.sheet if sheet is None else sheet)
     _, registered = register_untouched(known, first, pitch_mm=pitch_mm, roi_px=roi_px)
-    found = rest_of_recording(registered, source, frame_count=source.frame_count, roi_px=roi_px)
-    doubts = (DOUBTFUL,) if any(AS_COMMON in sentence for sentence in found.assumptions) else ()
-    still = found.provenance.get("still_frames")
-    if found.provenance.get("from") != WHOLE_RECORDING or not isinstance(still, list):
+    settled = rest_of_recording(registered, source, frame_count=source.frame_count, roi_px=roi_px)
+    doubts = (DOUBTFUL_FRAMES,) if settled.doubt is RestDoubt.EQUALLY_COMMON else ()
+    if not settled.still_frames:
         return UntouchedFrames(frames=first, doubts=doubts)
+    found = settled.sensor
     assert found.layout is not None
     assert registered.layout is not None
     at_px, first_px = rest_px(found, found.layout), rest_px(registered, registered.layout)
@@ -84,7 +84,10 @@ def untouched_frames(
     begins_touched = bool(motion_px[0] > limit_px)
     if not begins_touched and np.nanmax(np.linalg.norm(first_px - at_px, axis=1)) <= limit_px:
         return UntouchedFrames(frames=first, doubts=doubts)
-    wanted = {*still, *(index + 1 for index in still)}  # each was compared with the one after it
+    wanted = {
+        *settled.still_frames,
+        *(index + 1 for index in settled.still_frames),
+    }  # each was compared with the one after it
     frames = [frame for frame in islice(source, max(wanted) + 1) if frame.index in wanted]
     begin = "begins touched" if begins_touched else "is touched in most of its first frames"
     note = (

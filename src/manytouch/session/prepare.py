@@ -223,7 +223,7 @@ def prepare(
                 observer.on_message("reading the whole recording once, for the rest positions of its markers")
             settled = rest_of_recording(found, source, frame_count=source.frame_count, roi_px=roi_px)
             # a calibrated file promises a recording that begins at rest: only a clear result corrects that
-            found = found if settled.rest_is_doubtful and _is_calibrated_pad(given) else settled
+            found = found if settled.doubt is not None and _is_calibrated_pad(given) else settled.sensor
     except BaseException:
         close(source)
         raise

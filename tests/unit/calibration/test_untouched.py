@@ -11,7 +11,7 @@ from clips import COLUMNS, HEIGHT_PX, PITCH_PX, ROWS, WIDTH_PX
 from drawn_source import DrawnSource, drawn
 from layouts import lattice_layout
 from manytouch.calibration import untouched
-from manytouch.calibration.rest import whole_recording
+from manytouch.calibration.rest.whole_recording import RestDoubt, SettledRest
 from manytouch.calibration.untouched import calibrate_untouched, stated_sheet, untouched_frames
 from manytouch.errors import SensorError
 from manytouch.session.prepare import prepare
@@ -123,10 +123,8 @@ def test_a_recording_that_begins_untouched_is_calibrated_on_its_first_frames() -
 def test_two_arrangements_as_common_as_each_other_are_a_warning_of_the_file(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def doubtful(sensor: Sensor, *_: object, **__: object) -> Sensor:
-        return replace(
-            sensor, assumptions=(whole_recording.DOUBTFUL.format(reason=whole_recording.AS_COMMON),)
-        )
+    def doubtful(sensor: Sensor, *_: object, **__: object) -> SettledRest:
+        return SettledRest(sensor=sensor, doubt=RestDoubt.EQUALLY_COMMON)
 
     monkeypatch.setattr(untouched, "rest_of_recording", doubtful)
     source = begins_pressed(20, lambda _: 0.0)

@@ -13,9 +13,6 @@ from manytouch.values.arrays import Mask, Points2
 
 PRESSED_PITCHES = 0.15
 """A larger bulge means that the pattern is uneven there, or the sheet was touched."""
-PRESSED_START = (
-    "the pattern is uneven there, or the sheet was touched; the start of the recording is taken as rest"
-)
 _LEAST_LINES = 5
 _ROUNDS = 8
 _TUKEY = 4.685

@@ -9,14 +9,16 @@ differs by more than what a soft sheet keeps of a press.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from itertools import islice, pairwise
 
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.calibration.rest.local_bulge import PRESSED_START
+from manytouch.calibration.rest.local_bulge import PRESSED_PITCHES, local_bulge_px
 from manytouch.estimation.local_motion import LocalMotion, marker_groups
 from manytouch.estimation.uncalibrated.marker_spacing import marker_spacing
+from manytouch.geometry.camera import mm_per_px
 from manytouch.geometry.neighbours import nearest_neighbours
 from manytouch.pipeline import track_frames
 from manytouch.tracking import MarkerTracker
@@ -24,11 +26,10 @@ from manytouch.tracking.lattice.find import local_spacing
 from manytouch.values import Frame, Roi, Sensor, Status, TrackedGrid
 from manytouch.values.arrays import Points2, read_only
 
-DOUBTFUL = (
+DOUBTFUL_REST = (
     "The rest is doubtful: {reason}. Contacts are relative to it: use a recording that begins and ends "
     "untouched, or tare while nothing touches the sheet."
 )
-AS_COMMON = "two arrangements of the markers are about as common"
 WHOLE_RECORDING = "whole recording"
 """Value of the key `from` of `[provenance]` where the rest positions are not those of the first frames."""
 MOST_READ = 20_000  # frames
@@ -43,6 +44,31 @@ _SHOWN = 0.5  # of the markers, in a picture of the same sensor
 _RIVAL = 0.15  # of the score of the most common arrangement
 _CLEAR = 0.2  # skewness of the spread from which on one arrangement is known to be pressed
 _EVEN = 0.5  # of the score of the chosen arrangement: another one of it that cannot be excluded causes doubt
+
+
+class RestDoubt(Enum):
+    """Why the rest positions may be those of a touched sheet, as a part of a sentence."""
+
+    NEVER_STILL = "the markers are not still in any part of the recording"
+    NEVER_TWICE = "no arrangement of the markers is seen twice"
+    EQUALLY_COMMON = "two arrangements of the markers are about as common"
+    MOVED_START = "the markers moved at the start"
+    UNEVEN_START = "the markers are uneven at one place, by their pattern or by a touch"
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SettledRest:
+    """The rest that a whole recording shows.
+
+    Attributes:
+        sensor: with its rest positions; its assumptions state where they are from, and the doubt.
+        still_frames: indices of the frames with these positions; empty where those of the first frames stay.
+        doubt: None if there is none.
+    """
+
+    sensor: Sensor
+    still_frames: tuple[int, ...] = ()
+    doubt: RestDoubt | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -95,8 +121,8 @@ class _Comparison:
 
 def rest_of_recording(
     sensor: Sensor, frames: Iterable[Frame], *, frame_count: int | None = None, roi_px: Roi | None = None
-) -> Sensor:
-    """The sensor with the rest positions that a whole recording shows.
+) -> SettledRest:
+    """The rest that a whole recording shows.
 
     Pairs of consecutive frames, spread evenly over the first `MOST_READ` frames, are searched for markers.
 
@@ -130,8 +156,8 @@ def with_unrelated_pictures(sensor: Sensor, frames: Sequence[Frame], roi_px: Roi
     return replace(sensor, assumptions=(*sensor.assumptions, sentence))
 
 
-def settle_rest(sensor: Sensor, grids: Sequence[TrackedGrid], indices: Sequence[int]) -> Sensor:
-    """The sensor with the rest positions that a whole recording shows.
+def settle_rest(sensor: Sensor, grids: Sequence[TrackedGrid], indices: Sequence[int]) -> SettledRest:
+    """The rest that frames of a whole recording show.
 
     Args:
         sensor: from the first frames, with `rest_px`.
@@ -140,7 +166,7 @@ def settle_rest(sensor: Sensor, grids: Sequence[TrackedGrid], indices: Sequence[
     """
     layout = sensor.layout
     if layout is None or layout.rest_px is None or len(layout.rest_px) < _FEWEST_MARKERS:
-        return sensor
+        return SettledRest(sensor=sensor)
     place_px = [np.where(each.is_seen[:, None], each.position_px, np.nan) for each in grids]
     usable = [k for k, each in enumerate(grids) if each.status is Status.OK]
     compare = _Comparison(layout.rest_px)
@@ -150,27 +176,27 @@ def settle_rest(sensor: Sensor, grids: Sequence[TrackedGrid], indices: Sequence[
         if indices[after] == indices[k] + 1 and compare.step(place_px[k], place_px[after]) < _STILL
     ]
     if len(still) < 2:
-        return _doubtful(sensor, "the markers are not still in any part of the recording")
+        return _doubtful(sensor, RestDoubt.NEVER_STILL)
     chosen = np.unique(np.linspace(0, len(still) - 1, _MOST_FRAMES).round().astype(int))
     sample = np.stack([place_px[still[k]] for k in chosen])
     first_px = layout.rest_px
     from_first = np.array([compare.motion(first_px, each) for each in sample])
     if np.mean(from_first < _STILL) > 0.9:
-        return sensor
+        return SettledRest(sensor=sensor)
     found = _arrangements(sample, compare)
     best, doubt = _least_pressed(found, compare)
     if best is None:
-        return _doubtful(sensor, "no arrangement of the markers is seen twice")
+        return _doubtful(sensor, RestDoubt.NEVER_TWICE)
     farthest = max(
         compare.motion(best.position_px, place_px[k]) for k in usable[:: max(1, len(usable) // 200)]
     )
     away = compare.motion(best.position_px, first_px)
     is_crept = compare.floor < away <= compare.creep_share * farthest
     if is_crept and compare.spread(best.position_px, first_px) < _CLEAR:
-        return sensor
-    frames = [indices[still[chosen[k]]] for k in best.frames]
-    settled = _with_rest(sensor, best.position_px, frames)
-    return _doubtful(settled, AS_COMMON) if doubt else settled
+        return SettledRest(sensor=sensor)
+    frames = tuple(indices[still[chosen[k]]] for k in best.frames)
+    settled = _with_doubt(_with_rest(sensor, best.position_px, frames), doubt)
+    return SettledRest(sensor=settled, still_frames=frames, doubt=doubt)
 
 
 def _arrangements(sample: Float64[np.ndarray, "f m 2"], compare: _Comparison) -> list[RestArrangement]:
@@ -198,19 +224,21 @@ def _arrangements(sample: Float64[np.ndarray, "f m 2"], compare: _Comparison) ->
     return sorted(found, key=lambda each: -each.score)
 
 
-def _least_pressed(found: list[RestArrangement], compare: _Comparison) -> tuple[RestArrangement | None, bool]:
-    """The arrangement that is the rest, and whether another one may be it as well."""
+def _least_pressed(
+    found: list[RestArrangement], compare: _Comparison
+) -> tuple[RestArrangement | None, RestDoubt | None]:
+    """The arrangement that is the rest, and a doubt if another one may be it as well."""
     if not found:
-        return None, False
-    best, doubt = found[0], False
+        return None, None
+    best, doubt = found[0], None
     for rival in found[1:]:
         if rival.score < _RIVAL * found[0].score:
             break
         spread = compare.spread(best.position_px, rival.position_px)
         if spread < -_CLEAR:
-            best, doubt = rival, False
+            best, doubt = rival, None
         elif spread < _CLEAR and rival.score > _EVEN * best.score:
-            doubt = True
+            doubt = RestDoubt.EQUALLY_COMMON
     return best, doubt
 
 
@@ -247,8 +275,15 @@ def _with_rest(sensor: Sensor, position_px: Points2, frames: Sequence[int]) -> S
     )
 
 
-def _doubtful(sensor: Sensor, reason: str) -> Sensor:
-    sentence = DOUBTFUL.format(reason=reason)
+def _doubtful(sensor: Sensor, doubt: RestDoubt) -> SettledRest:
+    """The rest of the first frames, which stays although it is doubtful."""
+    return SettledRest(sensor=_with_doubt(sensor, doubt), doubt=doubt)
+
+
+def _with_doubt(sensor: Sensor, doubt: RestDoubt | None) -> Sensor:
+    if doubt is None:
+        return sensor
+    sentence = DOUBTFUL_REST.format(reason=doubt.value)
     return replace(sensor, rest_is_doubtful=True, assumptions=(*sensor.assumptions, sentence))
 
 
@@ -260,11 +295,17 @@ def is_still(sensor: Sensor, frames: int) -> bool:
 
 def with_doubt_of_start(sensor: Sensor, frames: int) -> Sensor:
     """The sensor, with a doubtful rest if the markers moved at the start, or are uneven."""
-    reason = ""
     if not is_still(sensor, frames):
-        reason = "the markers moved at the start"
-    elif any(PRESSED_START in sentence for sentence in sensor.assumptions):
-        reason = "the markers are uneven at one place, by their pattern or by a touch"
-    if not reason:
-        return sensor
-    return _doubtful(sensor, reason)
+        return _with_doubt(sensor, RestDoubt.MOVED_START)
+    if _bulge_in_pitches(sensor) > PRESSED_PITCHES:
+        return _with_doubt(sensor, RestDoubt.UNEVEN_START)
+    return sensor
+
+
+def _bulge_in_pitches(sensor: Sensor) -> float:
+    """The bulge of the rest positions (`rest.local_bulge`)."""
+    layout = sensor.layout
+    if layout is None or layout.row_column is None or layout.rest_px is None:
+        return 0.0
+    pitch_px = float(np.sqrt(np.prod(layout.pitch_mm))) / mm_per_px(sensor.camera)
+    return local_bulge_px(layout.row_column, layout.rest_px, ~layout.is_missing) / pitch_px

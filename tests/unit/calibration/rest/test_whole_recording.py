@@ -6,10 +6,18 @@ import numpy as np
 import pytest
 
 import clips
-from flat_sensor import flat_sensor, rectangle_px
+from flat_sensor import detections_of, flat_sensor, rectangle_px
 from layouts import grid_at, rows_and_columns
 from manytouch.calibration import sensor_from_rest
-from manytouch.calibration.rest.whole_recording import settle_rest, with_unrelated_pictures
+from manytouch.calibration.rest.assumed_sensor import sensor_from_dots
+from manytouch.calibration.rest.whole_recording import (
+    RestDoubt,
+    SettledRest,
+    settle_rest,
+    with_doubt_of_start,
+    with_unrelated_pictures,
+)
+from manytouch.calibration.rest_dots import merge_rest_dots
 from manytouch.session.commands.tare import tare_sensor
 from manytouch.values import Frame, Sensor
 
@@ -30,8 +38,8 @@ GRIP = pressed((130.0, 100.0), 8.0)
 FAINT = pressed((280.0, 40.0), 2.5)
 
 
-def settled(arrangements: list[tuple[np.ndarray, int]], begins: np.ndarray) -> Sensor:
-    """The sensor after a recording of arrangements for so many frames each; the first one defines it."""
+def settled(arrangements: list[tuple[np.ndarray, int]], begins: np.ndarray) -> SettledRest:
+    """The rest after a recording of arrangements for so many frames each; the first one defines it."""
     sensor = flat_sensor(
         REST_PX, width_px=320, height_px=240, pitch_px=PITCH_PX, row_column=rows_and_columns(5, 7)
     )
@@ -52,35 +60,66 @@ def error_px(sensor: Sensor) -> float:
 def test_a_recording_that_begins_pressed_has_the_rest_that_follows(touch: np.ndarray) -> None:
     """Also where the touch lasts longer than anything else."""
     found = settled([(touch, 60), (FREE, 25), (0.7 * GRIP, 10), (FREE, 15)], touch)
-    assert error_px(found) < 4.0 * NOISE_PX
-    assert not found.rest_is_doubtful
+    assert error_px(found.sensor) < 4.0 * NOISE_PX
+    assert set(found.still_frames) <= {*range(60, 85), *range(95, 110)}
+    assert found.doubt is None
+    assert not found.sensor.rest_is_doubtful
 
 
 @pytest.mark.parametrize("touch", [GRIP, FAINT])
 def test_a_touch_that_is_never_interrupted_is_pressed_because_it_spreads(touch: np.ndarray) -> None:
-    assert error_px(settled([(touch, 60), (FREE, 25)], touch)) < 4.0 * NOISE_PX
-    assert error_px(settled([(FREE, 25), (touch, 60)], FREE)) < 4.0 * NOISE_PX
+    assert error_px(settled([(touch, 60), (FREE, 25)], touch).sensor) < 4.0 * NOISE_PX
+    assert error_px(settled([(FREE, 25), (touch, 60)], FREE).sensor) < 4.0 * NOISE_PX
 
 
 def test_what_a_soft_sheet_keeps_of_a_press_does_not_change_the_rest_at_the_start() -> None:
     crept = 0.1 * np.roll(GRIP, 1, axis=1) * [1.0, -1.0]  # turned: it neither spreads nor contracts
     found = settled([(FREE, 15), (GRIP, 20), (crept, 60)], FREE)
-    assert error_px(found) == 0.0
-    assert not found.rest_is_doubtful
+    assert error_px(found.sensor) == 0.0
+    assert found.still_frames == ()
+    assert found.doubt is None
 
 
 def test_a_sheet_that_never_rests_makes_the_rest_doubtful() -> None:
     found = settled([(share * GRIP, 1) for share in np.linspace(0.0, 6.0, 60)], FREE)
-    assert found.rest_is_doubtful
-    assert "tare" in found.assumptions[-1]
-    tared = tare_sensor(found, [grid_at(REST_PX)] * 3)
+    assert found.doubt is RestDoubt.NEVER_STILL
+    assert found.sensor.rest_is_doubtful
+    assert "tare" in found.sensor.assumptions[-1]
+    tared = tare_sensor(found.sensor, [grid_at(REST_PX)] * 3)
     assert tared is not None
     assert not tared.rest_is_doubtful
 
 
 def test_two_arrangements_as_common_as_each_other_are_a_doubt() -> None:
     turned = 0.5 * np.roll(GRIP, 1, axis=1) * [1.0, -1.0]
-    assert settled([(FREE, 30), (turned, 30)], FREE).rest_is_doubtful
+    found = settled([(FREE, 30), (turned, 30)], FREE)
+    assert found.doubt is RestDoubt.EQUALLY_COMMON
+    assert found.sensor.rest_is_doubtful
+
+
+@pytest.mark.parametrize(
+    ("press", "frames", "reason"),
+    [
+        (0.0, 15, None),
+        (0.5, 15, RestDoubt.UNEVEN_START),
+        (0.0, 40, RestDoubt.MOVED_START),
+        (0.5, 40, RestDoubt.MOVED_START),
+    ],
+)
+def test_a_start_with_moving_or_uneven_markers_is_a_doubt(
+    press: float, frames: int, reason: RestDoubt | None
+) -> None:
+    """The sensor is found in 15 frames without motion."""
+    grid_px = rectangle_px(10, 12, (45.0, 35.0), (60.0, 40.0))
+    away = grid_px - grid_px[65]
+    bell = np.exp(-0.5 * (away**2).sum(axis=1, keepdims=True) / 70.0**2)
+    still = merge_rest_dots([detections_of(grid_px + press * bell * away)] * 15)
+    sensor = sensor_from_dots(still, name="live", width_px=640, height_px=420, polarity="dark")
+    found = with_doubt_of_start(sensor, frames)
+    assert found.rest_is_doubtful == (reason is not None)
+    assert [each for each in RestDoubt if each.value in "".join(found.assumptions)] == [reason] * (
+        reason is not None
+    )
 
 
 def test_pictures_of_different_sheets_in_a_folder_are_stated() -> None:
