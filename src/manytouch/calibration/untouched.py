@@ -1,6 +1,6 @@
 """Calibration of a sensor whose sheet is untouched, with one camera or with several.
 
-A recording may begin touched, so the frames at rest are searched in the whole of it, as `process` does.
+A recording may begin touched, so frames at rest are searched in the whole of it, as `process` does.
 """
 
 from collections.abc import Iterable, Sequence
@@ -29,11 +29,11 @@ DOUBTFUL_FRAMES = (
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class UntouchedFrames:
-    """Frames of a recording in which the sheet is at rest.
+class CandidateFrames:
+    """Frames of a recording among which `calibrate_rest` selects those at rest.
 
     Attributes:
-        frames: in order.
+        frames: in order; the first ones of the recording, unless its rest is shown elsewhere.
         notes: sentences on where they are, if the recording begins touched.
         doubts: warnings.
     """
@@ -43,7 +43,7 @@ class UntouchedFrames:
     doubts: tuple[str, ...] = ()
 
 
-def untouched_frames(
+def candidate_frames(
     known: Sensor,
     source: Source,
     first: Sequence[Frame],
@@ -51,11 +51,12 @@ def untouched_frames(
     pitch_mm: float | tuple[float, float] | None = None,
     sheet: Sheet | None = None,
     roi_px: Roi | None = None,
-) -> UntouchedFrames:
-    """The first frames, or where they differ from the rest of the recording, those that show it.
+) -> CandidateFrames:
+    """The first frames; or, if the rest that the whole recording shows is not theirs, frames that show it.
 
     The rest is the stillest and most common arrangement of the markers (`rest_of_recording`). Of cameras,
-    pictures and several views the first frames are taken.
+    pictures and several views the first frames are taken. Frames in which markers move are left out later, by
+    `calibrate_rest`.
 
     Args:
         known: with a camera; a pad needs its [sheet].
@@ -68,13 +69,13 @@ def untouched_frames(
     """
     is_recording = not (source.is_live or source.frame_count == 1 or source.capabilities.is_images)
     if not is_recording or known.camera.views:
-        return UntouchedFrames(frames=first)
+        return CandidateFrames(frames=first)
     known = replace(known, sheet=known.sheet if sheet is None else sheet)
     _, registered = register_untouched(known, first, pitch_mm=pitch_mm, roi_px=roi_px)
     settled = rest_of_recording(registered, source, frame_count=source.frame_count, roi_px=roi_px)
     doubts = (DOUBTFUL_FRAMES,) if settled.doubt is RestDoubt.EQUALLY_COMMON else ()
     if not settled.still_frames:
-        return UntouchedFrames(frames=first, doubts=doubts)
+        return CandidateFrames(frames=first, doubts=doubts)
     found = settled.sensor
     assert found.layout is not None
     assert registered.layout is not None
@@ -83,7 +84,7 @@ def untouched_frames(
     motion_px = track_markers(found, first, roi_px).motion_px(at_px)
     begins_touched = bool(motion_px[0] > limit_px)
     if not begins_touched and np.nanmax(np.linalg.norm(first_px - at_px, axis=1)) <= limit_px:
-        return UntouchedFrames(frames=first, doubts=doubts)
+        return CandidateFrames(frames=first, doubts=doubts)
     wanted = {
         *settled.still_frames,
         *(index + 1 for index in settled.still_frames),
@@ -95,7 +96,7 @@ def untouched_frames(
         f"{len(frames)} of the frames {min(wanted)} to {frames[-1].index} are used, in which the markers are "
         "stillest and most often in the same places"
     )
-    return UntouchedFrames(frames=frames, notes=(note,), doubts=doubts)
+    return CandidateFrames(frames=frames, notes=(note,), doubts=doubts)
 
 
 def calibrate_untouched(
@@ -113,14 +114,14 @@ def calibrate_untouched(
 
     Args:
         known: with a camera, or several; a pad needs its [sheet].
-        frames: of the untouched sensor.
+        frames: of the untouched sensor, such as from `candidate_frames`.
         name: of the recording, for the provenance.
         pitch_mm, roi_px: see `calibrate_rest`; no effect with several cameras, as the
             command refuses them there.
         sheet: from `stated_sheet`.
         thickness_mm: without `sheet` the clamped outline is measured in the image; not
             with several cameras either.
-        doubts: about the frames (`untouched_frames`), which are added to the warnings.
+        doubts: about the frames (`candidate_frames`), which are added to the warnings.
 
     Returns:
         The report in lines, and the calibrated sensor.

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 app = App(name="calibrate", help="Calibrate camera, layout and sheet.")
 
 PROGRESS_EVERY_S = 2.0
-REST_FRAMES = 90
+CANDIDATE_FRAMES = 90
+"""First frames of a recording, among which `calibrate rest` selects those at rest."""
 
 
 @app.command
@@ -143,7 +144,7 @@ def rest(
     """
     from rich.console import Console
 
-    from manytouch.calibration.untouched import calibrate_untouched, stated_sheet, untouched_frames
+    from manytouch.calibration.untouched import calibrate_untouched, candidate_frames, stated_sheet
     from manytouch.cli.terminal.console import Steps
     from manytouch.sinks.files.atomic_output import check_file_writable
     from manytouch.sources import closing_source, open_source
@@ -171,21 +172,21 @@ def rest(
     sheet = stated_sheet(known, sheet_mm, thickness_mm)
     check_file_writable(out)
     with Steps() as steps, closing_source(open_source(source)) as frames:
-        first = list(steps.count("frames", islice(frames, REST_FRAMES), REST_FRAMES))
+        first = list(steps.count("frames", islice(frames, CANDIDATE_FRAMES), CANDIDATE_FRAMES))
         steps.step_reporter()("finding the markers, the frames at rest and the pose of the sheet")
         name = ", ".join(Path(part).name for part in views_of(source))
-        at_rest = untouched_frames(known, frames, first, pitch_mm=pitch_mm, sheet=sheet, roi_px=roi)
+        candidates = candidate_frames(known, frames, first, pitch_mm=pitch_mm, sheet=sheet, roi_px=roi)
         lines, calibrated = calibrate_untouched(
             known,
-            at_rest.frames,
+            candidates.frames,
             name,
             pitch_mm=pitch_mm,
             sheet=sheet,
             thickness_mm=thickness_mm,
             roi_px=roi,
-            doubts=at_rest.doubts,
+            doubts=candidates.doubts,
         )
-    for line in (*at_rest.notes, *lines):
+    for line in (*candidates.notes, *lines):
         console.print(f"  {line}")
     save_sensor(calibrated, out)
     console.print(f"  sensor in {out}")

@@ -12,7 +12,7 @@ from drawn_source import DrawnSource, drawn
 from layouts import lattice_layout
 from manytouch.calibration import untouched
 from manytouch.calibration.rest.whole_recording import RestDoubt, SettledRest
-from manytouch.calibration.untouched import calibrate_untouched, stated_sheet, untouched_frames
+from manytouch.calibration.untouched import calibrate_untouched, candidate_frames, stated_sheet
 from manytouch.errors import SensorError
 from manytouch.session.prepare import prepare
 from manytouch.simulation.demo_sensor import demo_sensor
@@ -101,7 +101,7 @@ def test_a_recording_that_begins_pressed_is_calibrated_where_it_is_at_rest(
     first = list(islice(source, 90))
     _, of_first = calibrate_untouched(gel(**provenance), first, "press.mp4")
     assert error_px(of_first) > 5.0
-    found = untouched_frames(gel(**provenance), source, first)
+    found = candidate_frames(gel(**provenance), source, first)
     assert all(press_of(frame.index) == 0.0 for frame in found.frames)
     (note,) = found.notes
     assert "begins touched" in note
@@ -114,7 +114,7 @@ def test_a_recording_that_begins_pressed_is_calibrated_where_it_is_at_rest(
 def test_a_recording_that_begins_untouched_is_calibrated_on_its_first_frames() -> None:
     source = begins_pressed(120, lambda index: 9.0 if 95 <= index < 110 else 0.0)
     first = list(islice(source, 90))
-    found = untouched_frames(gel(), source, first)
+    found = candidate_frames(gel(), source, first)
     assert found.frames is first
     assert not found.notes
     assert not found.doubts
@@ -128,7 +128,7 @@ def test_two_arrangements_as_common_as_each_other_are_a_warning_of_the_file(
 
     monkeypatch.setattr(untouched, "rest_of_recording", doubtful)
     source = begins_pressed(20, lambda _: 0.0)
-    found = untouched_frames(gel(), source, first := list(source))
+    found = candidate_frames(gel(), source, first := list(source))
     assert found.frames is first
     (doubt,) = found.doubts
     assert "about as common" in doubt
@@ -141,7 +141,7 @@ def test_two_arrangements_as_common_as_each_other_are_a_warning_of_the_file(
 def test_a_camera_and_pictures_are_calibrated_on_their_first_frames() -> None:
     source = replace(begins_pressed(60, held_at_first), is_live=True)
     first = list(islice(source, 50))
-    assert untouched_frames(gel(), source, first).frames is first
+    assert candidate_frames(gel(), source, first).frames is first
 
 
 @pytest.mark.parametrize("press_of", [held_at_first, held_for_long])
