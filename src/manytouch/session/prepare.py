@@ -36,10 +36,10 @@ from manytouch.values import Frame, Reading, Roi, Sensor
 from manytouch.values.display.text import count_of
 from manytouch.values.sensor_file import load_sensor
 
-REST_FRAMES = 15
+START_FRAMES = 15  # the first ones, which show the sensor and its rest positions
 INPUT = "the path of a video or image, the number of a camera, or what manytouch.open_source returns"
 SPREAD_FRAMES = 16
-STILL_TRIES = 8  # times `REST_FRAMES`, for a live source to be still at its start
+STILL_TRIES = 8  # times `START_FRAMES`, for a live source to be still at its start
 UNKNOWN_PRETENSION = (
     "The pretension of the sheet is estimated from what presses it, since its file states none; the standard "
     "deviations of forces contain that of the estimate (manytouch calibrate sheet measures the pretension)."
@@ -326,7 +326,7 @@ def _determine_sensor(
     if device is not None:
         device.is_colour = True  # for the first frames, which show whether colour is needed
     frames = iter(source)
-    first = tuple(islice(frames, REST_FRAMES))
+    first = tuple(islice(frames, START_FRAMES))
     if not first:
         raise SourceError(f"{text} contains no frame: give a video or images that show the dotted sheet")
     if given is not None:
@@ -343,7 +343,7 @@ def _determine_sensor(
         for _ in range(STILL_TRIES if source.is_live else 0):
             if is_still(found, len(first)):
                 break
-            first = tuple(islice(frames, REST_FRAMES)) or first
+            first = tuple(islice(frames, START_FRAMES)) or first
             found = sensor_from_rest(
                 first, name=source.name, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px
             )

@@ -16,7 +16,7 @@ from manytouch.detection import Appearance, survey
 from manytouch.detection.images import level_scale
 from manytouch.errors import LayoutError, SourceError
 from manytouch.session.diagnosis.camera import describe_frame_rate, describe_settings
-from manytouch.session.prepare import REST_FRAMES, can_be_read_twice, require_region, spread_frames
+from manytouch.session.prepare import START_FRAMES, can_be_read_twice, require_region, spread_frames
 from manytouch.sources import Source, open_source
 from manytouch.sources.source import close
 from manytouch.values import Detections, Frame, Roi
@@ -53,10 +53,10 @@ def diagnose(text: str, roi_px: Roi | None = None) -> Iterator[str]:
 def _diagnose_frames(source: Source, text: str, roi_px: Roi | None) -> Iterator[str]:
     require_region(source, text, roi_px)
     yield _describe_source(source)
-    frames = [frame for frame in islice(source, REST_FRAMES) if frame.image is not None]
+    frames = [frame for frame in islice(source, START_FRAMES) if frame.image is not None]
     if not frames:
         raise SourceError(
-            f"none of the first {REST_FRAMES} frames of {text} could be decoded; convert the file, or "
+            f"none of the first {START_FRAMES} frames of {text} could be decoded; convert the file, or "
             "check it in a video player"
         )
     yield _describe_brightness(frames)

@@ -21,9 +21,9 @@ from manytouch.sources.simulated import simulated_source
 from manytouch.values import Frame
 from manytouch.values.arrays import Image, read_only
 
-REST_FRAMES = 2
 SCENE, WIDTH_PX = "one", 640
 FRAMES = (0, 1, *range(38, 44), *range(50, 75, 5), *range(130, 150, 5), 170)  # at rest, in contact, released
+AT_REST_COUNT = 2  # of these, the first ones
 OBJECTS_PER_COLLECTION = 200_000
 """Compiling makes millions of objects, few of them garbage: a search through them takes long."""
 
@@ -41,7 +41,7 @@ def compile_stage(method: str, stage: str) -> None:
     if stage == "pixels":
         frames = [replace(simulator.frame(shown), index=index) for index, shown in enumerate(FRAMES)]
         with suppress(ManytouchError):
-            sensor_from_rest(frames[:REST_FRAMES], name=SCENE)
+            sensor_from_rest(frames[:AT_REST_COUNT], name=SCENE)
         for _ in pipeline.track_frames([*frames, *frames_without_markers(frames)], simulator.sensor):
             pass
     else:

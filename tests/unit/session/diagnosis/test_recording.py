@@ -9,7 +9,7 @@ import pytest
 
 import moving_scene
 from manytouch.session.diagnosis.recording import diagnose
-from manytouch.session.prepare import REST_FRAMES
+from manytouch.session.prepare import START_FRAMES
 
 PITCH_PX, RADIUS_PX = 40.0, 9.0
 
@@ -62,7 +62,7 @@ def test_an_even_print_gets_no_advice(tmp_path: Path) -> None:
 @pytest.mark.parametrize("has_dots", [True, False])
 def test_few_dots_that_the_first_frames_do_not_show_are_found(tmp_path: Path, has_dots: bool) -> None:
     for frame in range(0, 320, 4):
-        image = moving_scene.picture(frame, has_dots=has_dots and frame >= 4 * REST_FRAMES).image
+        image = moving_scene.picture(frame, has_dots=has_dots and frame >= 4 * START_FRAMES).image
         assert image is not None
         cv2.imwrite(str(tmp_path / f"{frame:03}.png"), image)
     lines = list(diagnose(str(tmp_path)))
