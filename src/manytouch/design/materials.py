@@ -5,10 +5,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material:
-    """A soft material. Its stiffness is nominal, within a factor of about 1.3; calibration measures it.
+    """A soft material.
+
+    Its modulus follows from `shore_A` and cannot be stated. It is nominal, within a factor of about 1.3;
+    calibration measures it.
 
     Attributes:
-        name: commercial name.
+        name: generic name, which `manytouch design --material` takes.
         shore_A: hardness.
         strength_MPa: stress at break.
         density_kg_m3: mass density.
@@ -23,8 +26,8 @@ class Material:
 
     @property
     def young_MPa(self) -> float:
-        """From the hardness; see `young_MPa`."""
-        return young_MPa(self.shore_A)
+        """Young's modulus; see `young_of_hardness_MPa`."""
+        return young_of_hardness_MPa(self.shore_A)
 
 
 POISSON = 0.45  # the value of the paper; rubbers have 0.45 to 0.5
@@ -51,7 +54,7 @@ MATERIALS = (
 )
 
 
-def young_MPa(shore_A: float) -> float:
+def young_of_hardness_MPa(shore_A: float) -> float:
     """Young's modulus of a rubber from its Shore A hardness (A. N. Gent, doi:10.5254/1.3542351).
 
     E = 0.0981 (56 + 7.62336 S) / (0.137505 (254 - 2.54 S)); accurate to about 20 % for S from 20 to 80.
