@@ -19,7 +19,7 @@ twice the share of shrinking, at most 1, the swelling is
     v = h (g - a) + c ((1 - h) a + h b)
 
 It is modelled as a sum of finger-sized bumps, of a background that changes slowly, and of noise. See
-docs/derivations/pads.md.
+docs/derivations/uncalibrated.md.
 """
 
 from dataclasses import dataclass, replace
