@@ -13,13 +13,13 @@ import numpy as np
 
 import manytouch
 from manytouch.pipeline import Pipeline
+from manytouch.sinks.clear_forces import ClearForceCount
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.hashing import result_hash
 from manytouch.sinks.files.rest.end_shift import EndShift
 from manytouch.sinks.files.rest.rest_noise import RestNoise
 from manytouch.sinks.files.sensor_description import estimated_pretension, layout_of, sensor_to_dict, view_mm
 from manytouch.sinks.files.tables import WITHOUT_SHEET, method_of
-from manytouch.sinks.force_counts import ForceCounts
 from manytouch.values import LengthUnit, Reading, Roi, Sensor, SheetSpline, Status
 from manytouch.values.display.text import count_of
 
@@ -53,7 +53,7 @@ class Summary:
         self._recording = dict(recording)
         markers = len(layout_of(sensor).rest_mm)
         self._noise = RestNoise(markers)
-        self.forces = ForceCounts()
+        self.forces = ClearForceCount()
         self._end = EndShift(sensor)
         self._seen_count = np.zeros(markers, dtype=np.int64)
         self._status: Counter[Status] = Counter()

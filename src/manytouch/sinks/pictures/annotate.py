@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 
 from manytouch.geometry.camera import mm_per_px
+from manytouch.sinks.clear_forces import is_clear
 from manytouch.sinks.contact_outlines import outlines_px
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.sensor_description import layout_of, pitch_px, rest_px
-from manytouch.sinks.force_counts import is_clear
 from manytouch.sinks.pictures import drawing
 from manytouch.sinks.pictures.label_layout import Rectangle, place_label
 from manytouch.sinks.pictures.video_file import VideoFile

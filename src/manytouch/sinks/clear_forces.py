@@ -1,4 +1,4 @@
-"""How many frames of a recording have a normal force that differs from 0."""
+"""Clear forces, which differ from 0 by more than their deviation explains, and how many frames have one."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -19,7 +19,7 @@ def is_clear(value: float, std: float) -> bool:
     return not abs(value) <= CLEAR_STDS * std
 
 
-class ForceCounts:
+class ClearForceCount:
     """Counts frames with contacts by whether one of their normal forces is clear (`is_clear`)."""
 
     def __init__(self) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bonded_pad import pad_sensor
-from manytouch.sinks.force_counts import ForceCounts, is_clear
+from manytouch.sinks.clear_forces import ClearForceCount, is_clear
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def test_a_value_is_clear_beyond_two_deviations():
 
 
 def test_frames_are_counted_and_not_contacts(pressing, contact_of):
-    counts = ForceCounts()
+    counts = ClearForceCount()
     counts.add(())
     counts.add((contact_of(),))  # its force is not known
     assert counts.to_dict() is None
@@ -52,7 +52,7 @@ def test_frames_are_counted_and_not_contacts(pressing, contact_of):
 
 
 def test_forces_of_which_none_differs_from_0_are_a_warning_with_a_remedy(pressing):
-    counts = ForceCounts()
+    counts = ClearForceCount()
     counts.add((pressing(19.0, 40.0),))
     assert counts.to_dict() == {
         "frames": 1,
