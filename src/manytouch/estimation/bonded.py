@@ -1,4 +1,8 @@
-"""What an estimator of clamped sheets needs of one for bonded pads."""
+"""The protocol by which the estimator of clamped sheets calls one for bonded pads.
+
+The estimator of pads itself is `estimation.pad.estimator.PadEstimator`; `estimation.mechanics` may not import
+it, since `estimation.pad` uses `estimation.mechanics`.
+"""
 
 from typing import Any, Protocol, runtime_checkable
 

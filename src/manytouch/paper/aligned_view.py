@@ -34,9 +34,16 @@ class AlignedView:
     is_dark: bool
     minimum_area_px2: float
 
-    def image_px(self, window_px: Points2) -> Points2:
-        """(n, 2) positions of points (n, 2) of the area in the real, distorted image."""
-        aligned_px = window_px + np.array(self.window_px[:2], dtype=np.float64)
+    def image_px(self, area_px: Points2) -> Points2:
+        """Positions of points of the area in the real, distorted image.
+
+        Args:
+            area_px: (n, 2) positions in the area, whose first pixel is (0, 0).
+
+        Returns:
+            (n, 2).
+        """
+        aligned_px = area_px + np.array(self.window_px[:2], dtype=np.float64)
         if self.maps is None or len(aligned_px) == 0:
             return aligned_px
         camera = self.camera
