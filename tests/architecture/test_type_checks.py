@@ -11,10 +11,10 @@ from beartype.roar import BeartypeCallHintViolation
 from jaxtyping import Float64, TypeCheckError
 
 import type_checks
-from manytouch.detection.images import level_scale
 from manytouch.tracking import MarkerTracker
 from manytouch.values import Surface
 from manytouch.values.display.text import count_of
+from manytouch.values.images.grey_levels import level_scale
 
 
 @pytest.fixture(autouse=True)

@@ -3,9 +3,10 @@
 import numpy as np
 
 from manytouch.detection import estimate_noise, measure
-from manytouch.detection.images import crop, level_scale
+from manytouch.detection.images import crop
 from manytouch.values import Roi
 from manytouch.values.arrays import Points2, Scalars
+from manytouch.values.images.grey_levels import level_scale
 
 SOFT_EDGE_PX = 3.5
 SOFT_SHARE = 0.5

@@ -17,6 +17,7 @@ from manytouch.calibration.rest_dots import RestDots
 from manytouch.tracking.lattice.find import find_lattice, local_spacing, predict_positions
 from manytouch.values import Frame, Polarity, Roi
 from manytouch.values.arrays import Mask, Points2, Scalars, read_only
+from manytouch.values.images.grey_levels import level_scale
 
 MOST_PICTURES = 16
 _POLARITIES: tuple[Polarity, ...] = ("dark", "light")
@@ -63,7 +64,7 @@ def find_sparse_dots(frames: Sequence[Frame], roi_px: Roi | None) -> tuple[Polar
         roi_px: x, y, width, height of the region of interest.
     """
     from manytouch.detection.appearance.channel import find_spots
-    from manytouch.detection.images import crop, level_scale
+    from manytouch.detection.images import crop
 
     pictures = [k for k, frame in enumerate(frames) if frame.image is not None]
     even = np.linspace(0, len(pictures) - 1, min(len(pictures), MOST_PICTURES)).round().astype(int)

@@ -60,7 +60,7 @@ def find_condition(
     found: Detections,
     edge_px: Scalars,
     *,
-    level: float,
+    level_scale: float,
     markers: int,
 ) -> Status:
     """Status of an image: OK, DARK, SATURATED or BLURRED.
@@ -73,13 +73,13 @@ def find_condition(
         image: (h, w) or (h, w, c).
         found: its dots.
         edge_px: (n,) widths of their edges.
-        level: grey levels of 255 per level of the image.
+        level_scale: grey levels of 255 per level of the image.
         markers: expected number of dots without a reference.
     """
     number = len(edge_px)
     expected = reference.dots if reference is not None else markers
     if number < FEW_DOTS * expected:
-        few = image[STRIDE_PX // 2 :: STRIDE_PX, STRIDE_PX // 2 :: STRIDE_PX].astype(np.float32) * level
+        few = image[STRIDE_PX // 2 :: STRIDE_PX, STRIDE_PX // 2 :: STRIDE_PX].astype(np.float32) * level_scale
         if few.size and np.quantile(few, 0.95) < DARK_LEVEL:
             return Status.DARK
         if few.size and np.mean(few > SATURATED_LEVEL) > 0.5:

@@ -13,7 +13,7 @@ from manytouch.detection.dot_appearance import (
     expected_appearance,
     radius_in_image,
 )
-from manytouch.detection.images import crop, level_scale
+from manytouch.detection.images import crop
 from manytouch.detection.measurement.centroid import measure_rows
 from manytouch.detection.measurement.records import AREA, CXX, CYY
 from manytouch.detection.measurement.sampling_pattern import SamplingPatterns, sampling_patterns
@@ -27,6 +27,7 @@ from manytouch.detection.selection import (
 )
 from manytouch.values import Detections, Frame, Roi, Sensor, Status
 from manytouch.values.arrays import Points2, Scalars
+from manytouch.values.images.grey_levels import level_scale
 
 SCALE_STEP = 1.5
 """Ratio of successive radii that are searched for when dots differ in size."""
@@ -49,7 +50,7 @@ class DotSearchState:
         patterns: sampling patterns of these radii.
         scales_px: (s,) radii that whole images are searched for.
         scale_patterns: sampling patterns of those.
-        level: grey levels of 255 per level of the image; None before the first image.
+        level_scale: grey levels of 255 per level of an image, from the first one; None before it.
         reference: properties of the first good image; None before.
         buffers: memory for the search of whole images, one for each scale; empty before.
         is_before_scene: whether other things are seen between the markers.
@@ -61,7 +62,7 @@ class DotSearchState:
     patterns: SamplingPatterns
     scales_px: Float64[np.ndarray, " s"]
     scale_patterns: SamplingPatterns
-    level: float | None = None
+    level_scale: float | None = None
     reference: ReferenceImage | None = None
     buffers: tuple[DogBuffers, ...] = ()
     is_before_scene: bool = False
@@ -121,15 +122,15 @@ class DotSearch:
         """
         if frame.image is None:
             return state, no_detections(Status.DECODE_ERROR)
-        level = state.level if state.level is not None else level_scale(frame.image)
-        if state.level is None:
-            state = replace(state, level=level)
+        scale = state.level_scale if state.level_scale is not None else level_scale(frame.image)
+        if state.level_scale is None:
+            state = replace(state, level_scale=scale)
         if state.reference is not None and state.reference.shape != frame.image.shape:
             return state, no_detections(Status.WRONG_SIZE)
         image, corner = crop(frame.image, self.roi_px)
         if min(image.shape[:2]) < SMALLEST_IMAGE_PX:
             return state, no_detections(Status.WRONG_SIZE)
-        weights = state.appearance.weights(1 if image.ndim == 2 else image.shape[2]) * level
+        weights = state.appearance.weights(1 if image.ndim == 2 else image.shape[2]) * scale
         noise = estimate_noise(image, weights)
         if expected_px is None:
             state = _with_buffers(state, image)
@@ -140,7 +141,7 @@ class DotSearch:
             rows = self._with_scene(rows, radius_px)
         found, edge_px = self._select(rows, radius_px, state.markers, noise, corner)
         status = find_condition(
-            state.reference, frame.image, found, edge_px, level=level, markers=state.markers
+            state.reference, frame.image, found, edge_px, level_scale=scale, markers=state.markers
         )
         is_good = status is Status.OK and len(edge_px) >= min(FEWEST_REFERENCE_DOTS, state.markers)
         if state.reference is None and is_good:

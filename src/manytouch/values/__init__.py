@@ -23,8 +23,8 @@ from manytouch.values.detections import Detections
 from manytouch.values.frame import Frame
 from manytouch.values.grid import TrackedGrid
 from manytouch.values.health import Health, OutputState, ParameterInfo, Setting
+from manytouch.values.images.roi import Roi
 from manytouch.values.reading import Comparison, Reading, Truth
-from manytouch.values.roi import Roi
 from manytouch.values.sensor import Camera, Layout, LengthUnit, Polarity, Sensor, Sheet, View
 from manytouch.values.status import Status
 from manytouch.values.surface import Interpolation, SheetSpline, Surface

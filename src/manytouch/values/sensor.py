@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from manytouch.values.display.html import facts_table
-from manytouch.values.roi import Roi
+from manytouch.values.images.roi import Roi
 
 LengthUnit = Literal["mm", "pitch"]
 Polarity = Literal["light", "dark"]

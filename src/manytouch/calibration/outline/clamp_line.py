@@ -12,7 +12,6 @@ import cv2
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.detection.images import level_scale
 from manytouch.geometry.camera import project
 from manytouch.geometry.refraction import project_through_window
 from manytouch.geometry.spline.patch import SplinePatch
@@ -21,6 +20,7 @@ from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Camera, Frame, Layout, Sheet
 from manytouch.values.arrays import Points2, Scalars
+from manytouch.values.images.grey_levels import level_scale
 from manytouch.values.sensor_file.assumed_sheet import ASSUMED_POISSON
 
 SIDES = ("left", "right", "top", "bottom")

@@ -42,44 +42,44 @@ ROUND = RoundLimits()
 ROUGHLY_ROUND = RoundLimits(openness=0.3, aspect=3.5, roughness=0.35, fill=0.5, least_noises=5.0)
 
 
-def best_pattern(image: np.ndarray, level: float) -> Pattern | None:
+def best_pattern(image: np.ndarray, scale: float) -> Pattern | None:
     """The dots of an image in the channel that shows them best; None if there are none.
 
-    `level` is the number of grey levels of 255 per level of the image.
+    `scale` is `level_scale` of the image.
     """
     if image.ndim == 2:
-        return find_channel_pattern(image, np.array([level]))
-    grey = GREY_OF_BGR * level
+        return find_channel_pattern(image, np.array([scale]))
+    grey = GREY_OF_BGR * scale
     best = find_channel_pattern(image, grey)
     if not has_colour(image):
         return best
     if best is None or not best.is_clear:
-        best = _try_channels(image, level, best)
+        best = _try_channels(image, scale, best)
     for _ in range(2):
         if best is None:
             break
         sure = np.flatnonzero(best.alike)
         weights = fit_weights(image, best.dots.place_px[sure], best.dots.radius_px[sure])
         sign = 1.0 if best.polarity == "light" else -1.0
-        found = find_channel_pattern(image, sign * weights * level)
+        found = find_channel_pattern(image, sign * weights * scale)
         if found is None or not _is_clearly_better(found, best):
             break
         best = found
     return best
 
 
-def _try_channels(image: np.ndarray, level: float, grey: Pattern | None) -> Pattern | None:
+def _try_channels(image: np.ndarray, scale: float, grey: Pattern | None) -> Pattern | None:
     """The pattern of the channel that shows dots best, if that is much better than grey."""
     factor = max(1, round(max(image.shape[:2]) / SMALL_PX))
     height, width = image.shape[0] // factor, image.shape[1] // factor
     small = cv2.resize(
         image[: height * factor, : width * factor], (width, height), interpolation=cv2.INTER_AREA
     )
-    tried = [(find_channel_pattern(small, weights * level), weights) for weights in trial_weights()]
+    tried = [(find_channel_pattern(small, weights * scale), weights) for weights in trial_weights()]
     usable = [(found.score, place) for place, (found, _) in enumerate(tried) if found is not None]
     if not usable:
         return grey
-    best = find_channel_pattern(image, tried[max(usable)[1]][1] * level)
+    best = find_channel_pattern(image, tried[max(usable)[1]][1] * scale)
     if best is None or (grey is not None and best.score < 1.3 * grey.score):
         return grey
     return best
@@ -113,17 +113,17 @@ def find_channel_pattern(image: np.ndarray, weights: Float64[np.ndarray, " c"]) 
     return best
 
 
-def find_spots(image: np.ndarray, level: float, polarity: Polarity) -> tuple[Outlines, Mask]:
+def find_spots(image: np.ndarray, scale: float, polarity: Polarity) -> tuple[Outlines, Mask]:
     """Roughly round spots of any size in grey, whatever their arrangement, and which (n,) are well outlined.
 
     Of spots that overlap only one is kept, well outlined ones first.
 
     Args:
         image: (h, w) or (h, w, c).
-        level: number of grey levels of 255 per level of the image.
+        scale: `level_scale` of the image.
         polarity: of the spots.
     """
-    weights = np.array([level]) if image.ndim == 2 else GREY_OF_BGR * level
+    weights = np.array([scale]) if image.ndim == 2 else GREY_OF_BGR * scale
     noise, sign = estimate_noise(image, weights), 1.0 if polarity == "light" else -1.0
     blobs, pyramid = find_blobs(_channel(image, weights), noise=noise)
     of_sign = blobs.contrast * sign > 0

@@ -16,13 +16,14 @@ from scipy.spatial import cKDTree
 from manytouch.detection.appearance.channel import best_pattern
 from manytouch.detection.appearance.pattern import FEWEST, Pattern
 from manytouch.detection.dot_appearance import GREY_OF_BGR, Appearance
-from manytouch.detection.images import crop, level_scale
+from manytouch.detection.images import crop
 from manytouch.detection.measurement.centroid import MeasuredDots, measure
 from manytouch.detection.noise import estimate_noise
 from manytouch.detection.selection import find_single_dots
 from manytouch.errors import LayoutError
 from manytouch.values import Detections, Frame, Roi
 from manytouch.values.arrays import Mask
+from manytouch.values.images.grey_levels import level_scale
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -60,10 +61,10 @@ def survey(frames: Sequence[Frame], *, roi_px: Roi | None = None) -> Survey:
         frame = pictures[place]
         assert frame.image is not None
         image, corner = crop(frame.image, roi_px)
-        level = level_scale(frame.image)
-        pattern = best_pattern(image, level) if min(image.shape[:2]) >= 16 else None
+        scale = level_scale(frame.image)
+        pattern = best_pattern(image, scale) if min(image.shape[:2]) >= 16 else None
         if pattern is not None:
-            return _measure_pattern(frame, image, corner, level, pattern)
+            return _measure_pattern(frame, image, corner, scale, pattern)
     height, width = pictures[0].image.shape[:2] if pictures[0].image is not None else (0, 0)
     where = f"the {width} x {height} px image" if roi_px is None else f"the region {roi_px} of the image"
     raise LayoutError(
@@ -73,7 +74,7 @@ def survey(frames: Sequence[Frame], *, roi_px: Roi | None = None) -> Survey:
 
 
 def _measure_pattern(
-    frame: Frame, image: np.ndarray, corner: Float64[np.ndarray, "2"], level: float, pattern: Pattern
+    frame: Frame, image: np.ndarray, corner: Float64[np.ndarray, "2"], scale: float, pattern: Pattern
 ) -> Survey:
     """Measures the dots of a pattern and summarises their appearance."""
     sign = 1.0 if pattern.polarity == "light" else -1.0
@@ -94,7 +95,7 @@ def _measure_pattern(
     radius_px = np.sqrt(measured.area_px2[typical if typical.any() else keep] / np.pi)
     colour = None
     if image.ndim == 3:
-        ratio = pattern.weights / level
+        ratio = pattern.weights / scale
         colour = None if np.allclose(ratio, GREY_OF_BGR) else ratio
     appearance = Appearance(
         polarity=pattern.polarity,

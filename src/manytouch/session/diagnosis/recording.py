@@ -13,7 +13,6 @@ from manytouch.calibration.dot_sharpness import edge_width_px, is_soft
 from manytouch.calibration.rest.first_frames import IN_FRONT_OF_A_SCENE
 from manytouch.calibration.rest.local_bulge import PRESSED_PITCHES
 from manytouch.detection import Appearance, survey
-from manytouch.detection.images import level_scale
 from manytouch.errors import LayoutError, SourceError
 from manytouch.session.diagnosis.camera import describe_frame_rate, describe_settings
 from manytouch.session.prepare import START_FRAMES, can_be_read_twice, require_region, spread_frames
@@ -22,6 +21,7 @@ from manytouch.sources.source import close
 from manytouch.values import Detections, Frame, Roi
 from manytouch.values.arrays import Scalars
 from manytouch.values.display.text import count_of
+from manytouch.values.images.grey_levels import level_scale
 
 LOW_CONTRAST, SMALL_RADIUS_PX = 20.0, 2.5
 MUCH_SATURATED, DARK_MEAN, UNSTEADY = 0.05, 40.0, 0.1
