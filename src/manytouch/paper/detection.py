@@ -19,6 +19,7 @@ from manytouch.errors import ManytouchError, SensorError
 from manytouch.paper.aligned_view import AlignedView, area_of_interest, focal_px, optical_centre_mm
 from manytouch.values import Detections, Frame, Roi, Sensor, Status
 from manytouch.values.arrays import Mask, Points2, Scalars, read_only
+from manytouch.values.images.grey_levels import least_scale, to_8_bits
 
 Grey = UInt8[np.ndarray, "h w"]
 
@@ -37,12 +38,14 @@ class PaperDetectionState:
         markers: number of markers that are not missing.
         margin: found by trial; None while it is not known.
         trials: number of frames left for trials.
+        scale: of grey levels (`to_8_bits`), by the images so far; None before the first one.
     """
 
     view: AlignedView
     markers: int
     margin: int | None
     trials: int
+    scale: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -160,7 +163,9 @@ class PaperDetection:
         self, state: PaperDetectionState, image: np.ndarray
     ) -> tuple[PaperDetectionState, DetectionStages]:
         """The intermediate results for an image of the camera's size, and the state with the margin."""
-        grey = _grey(state.view.apply(image))
+        scale = least_scale(state.scale, image)
+        state = replace(state, scale=scale)
+        grey = _grey(state.view.apply(image), scale)
         if state.view.is_dark:
             grey = cv2.bitwise_not(grey)
         state, level = self._level(state, grey)
@@ -256,9 +261,8 @@ def contour_midpoints(contours: Sequence[np.ndarray]) -> tuple[Points2, Scalars]
     return origin + centroid, 0.5 * np.abs(twice_area) + 0.5 * length + 1.0
 
 
-def _grey(image: np.ndarray) -> Grey:
-    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    return np.asarray(cv2.convertScaleAbs(grey, alpha=255.0 / 65535.0) if grey.dtype == np.uint16 else grey)
+def _grey(image: np.ndarray, scale: float) -> Grey:
+    return to_8_bits(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), scale)
 
 
 def _contrast(grey: Grey, binary: Grey, midpoint_px: Points2) -> Scalars:

@@ -71,11 +71,12 @@ def test_same_markers_as_a_plain_opencv_chain():
 
 
 @pytest.mark.parametrize("colour", [False, True])
-@pytest.mark.parametrize("bits", [8, 16])
+@pytest.mark.parametrize("bits", [8, 12, 16])
 @pytest.mark.parametrize(("polarity", "look"), [("light", LIGHT_DOTS), ("dark", DARK_DOTS)])
-def test_light_and_dark_grey_and_colour_8_and_16_bit(polarity, look, bits, colour):
+def test_light_and_dark_grey_and_colour_8_12_and_16_bit(polarity, look, bits, colour):
     of = sensor(polarity)
-    true_px, image = picture(of, look, bits=bits)
+    true_px, image = picture(of, look, bits=8 if bits == 8 else 16)
+    image = image >> 4 if bits == 12 else image
     image = np.repeat(image[:, :, None], 3, axis=2) if colour else image
     dots = found(PaperDetection(), of, image)
     assert dots.status == "ok"

@@ -11,6 +11,7 @@ import numpy as np
 
 from manytouch.calibration.camera.board import Board, BoardDetection, find_board, spacing_px
 from manytouch.values import Frame
+from manytouch.values.images.grey_levels import to_8_bits
 
 MOST_VIEWS = 40
 ENOUGH_VIEWS = 12
@@ -135,8 +136,7 @@ class ViewCollection:
 
 def grey(image: np.ndarray) -> np.ndarray:
     """Convert an image with colours or 16 bits to (h, w) uint8."""
-    if image.dtype == np.uint16:
-        image = (image >> 8).astype(np.uint8)
+    image = to_8_bits(image)
     return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
 
 

@@ -106,7 +106,7 @@ class FoxglovePublisher:
         self._log(READING, log_ns, lambda: json.dumps(reading.to_dict()).encode())
         self._log(SURFACE, log_ns, lambda: surface_message(reading, log_ns).SerializeToString())
         if self.channels[CAMERA].has_sinks() and self._turns.take(frame):
-            self._log(CAMERA, log_ns, lambda: _image(reading, log_ns))
+            self._log(CAMERA, log_ns, lambda: _image(frame.camera, self._turns.encoded(frame), log_ns))
         layout = reading.surface.layout
         if now_s >= self._next_mesh_s and layout is not None:
             self._next_mesh_s = now_s + 1.0 / MESHES_PER_S
@@ -138,7 +138,7 @@ def warm_up(reading: Reading, sensor: Sensor) -> tuple[bytes, ...]:
     return (
         json.dumps(reading.to_dict()).encode(),
         bytes(surface_message(reading, 0).SerializeToString()),
-        _image(reading, 0),
+        _image(reading.frame.camera, encoded_image(reading.frame), 0),
         *(() if layout is None else (_Mesh(layout)(reading, 0),)),
         *(
             describe(sensor.camera, "", 0).SerializeToString()
@@ -205,11 +205,11 @@ def _triangles(columns: int, rows: int) -> list[int]:
     return [int(corner) for corner in corners.ravel()]
 
 
-def _image(reading: Reading, log_ns: int) -> bytes:
+def _image(camera: str, encoded: tuple[bytes, str], log_ns: int) -> bytes:
     from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 
-    data, kind = encoded_image(reading.frame)
-    message = CompressedImage(frame_id=reading.frame.camera, data=data, format=kind)
+    data, kind = encoded
+    message = CompressedImage(frame_id=camera, data=data, format=kind)
     message.timestamp.FromNanoseconds(log_ns)
     return bytes(message.SerializeToString())
 

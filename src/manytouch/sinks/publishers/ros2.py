@@ -97,7 +97,7 @@ class Ros2Publisher:
         self._send("contact_markers", lambda: messages.markers(reading, stamp_ns))
         is_read = self._is_read("image/compressed") or self._is_read("camera_info")
         if is_read and self._turns.take(frame):
-            self._send("image/compressed", lambda: messages.image(*encoded_image(frame), stamp_ns))
+            self._send("image/compressed", lambda: messages.image(*self._turns.encoded(frame), stamp_ns))
             if not self._controls.sensor.camera.views:
                 self._send("camera_info", lambda: messages.camera_info(stamp_ns))
         if time.monotonic() >= self._next_diagnostics_s:

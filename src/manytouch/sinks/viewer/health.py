@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from manytouch.values import Reading
+from manytouch.values.images.grey_levels import least_scale, to_8_bits
 
 INTERVAL_S = 0.1
 """Between two images whose quality is measured: the numbers are for reading, and each takes a millisecond."""
@@ -24,6 +25,7 @@ class ImageQuality:
 
     def __init__(self) -> None:
         self._best = 0.0
+        self._scale: float | None = None
         self._measured_s = -math.inf
         self._found: dict[str, float] = {}
 
@@ -37,8 +39,8 @@ class ImageQuality:
     def __call__(self, image: np.ndarray) -> dict[str, float]:
         """Focus 0..1, median level 0..1, and the share of clipped pixels, black or white without detail."""
         grey = image if image.ndim == 2 else image[..., 1]
-        if grey.dtype != np.uint8:
-            grey = (grey >> 8).astype(np.uint8)
+        self._scale = least_scale(self._scale, image)
+        grey = to_8_bits(grey, self._scale)
         height, width = grey.shape
         middle = np.ascontiguousarray(
             grey[height // 4 : height - height // 4 : 2, width // 4 : width - width // 4 : 2]

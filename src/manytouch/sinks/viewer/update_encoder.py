@@ -27,6 +27,7 @@ from manytouch.values import (
     Status,
     Surface,
 )
+from manytouch.values.images.grey_levels import least_scale, to_8_bits
 
 LONG_SIDE_POINTS = 100
 """Points of the displayed grid along the longer side of the sheet."""
@@ -67,6 +68,7 @@ class UpdateEncoder:
         self._rest_px = rest_px(sensor)
         self._support = marker_support(layout, self._grid)
         self._image_quality = ImageQuality()
+        self._scale: float | None = None
 
     def scene_info(self) -> dict[str, Any]:
         """What does not change between updates: the sensor, the grid, the markers at rest."""
@@ -151,12 +153,15 @@ class UpdateEncoder:
             if values is not None:
                 parts[layer] = values.astype("<f4")
         if update.is_image_wanted and image is not None:
-            encoded = reading.frame.encoded
-            is_usable = (
-                encoded is not None and len(encoded) <= MAX_JPEG_BYTES and encoded.startswith(JPEG_START)
-            )
-            parts["image"] = encoded if encoded is not None and is_usable else encode_jpeg(image)
+            parts["image"] = self._jpeg(image, reading.frame.encoded)
         return parts
+
+    def _jpeg(self, image: np.ndarray, encoded: bytes | None) -> bytes:
+        """The image as the camera encoded it, if that is a JPEG and not too long, else encoded here."""
+        if encoded is not None and len(encoded) <= MAX_JPEG_BYTES and encoded.startswith(JPEG_START):
+            return encoded
+        self._scale = least_scale(self._scale, image)
+        return encode_jpeg(to_8_bits(image, self._scale))
 
     def _layer(
         self, layer: str, surface: Surface, comparison: Comparison | None, depth: np.ndarray
@@ -183,10 +188,8 @@ def viewer_grid(layout: Layout) -> SurfaceGrid:
 
 
 def encode_jpeg(image: np.ndarray) -> bytes:
-    """Encode an image, reduced to the size of a pane."""
+    """Encode an image of 8 bits, reduced to the size of a pane."""
     height, width = image.shape[:2]
-    if image.dtype != np.uint8:
-        image = (image >> 8).astype(np.uint8)
     if width > IMAGE_PX:
         size, whole = (IMAGE_PX, round(IMAGE_PX * height / width)), width // IMAGE_PX
         if whole > 1:  # by means of whole blocks, which takes a fifth of the time of other means

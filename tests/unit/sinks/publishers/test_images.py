@@ -12,7 +12,7 @@ from manytouch.sinks.publishers.address import parse_address
 from manytouch.sinks.publishers.images import ImageTurns, encoded_image
 from manytouch.values import Frame
 
-IMAGE = np.random.default_rng(0).integers(0, 255, (60, 80), dtype=np.uint8)
+IMAGE = np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8)
 FRAME = Frame(index=0, timestamp_ns=0, camera="a", image=IMAGE)
 
 
@@ -35,9 +35,12 @@ def test_what_the_camera_sent_is_sent_as_it_is() -> None:
     assert encoded_image(replace(FRAME, image=None)) == (b"", "jpeg")
 
 
-def test_deep_images_are_sent_with_8_bits() -> None:
-    deep = replace(FRAME, image=IMAGE.astype(np.uint16) << 8)
-    assert encoded_image(deep) == encoded_image(FRAME)
+@pytest.mark.parametrize("bits", [10, 12, 14, 16])
+def test_deep_images_are_sent_with_8_bits(bits: int) -> None:
+    turns = ImageTurns(parse_address("foxglove://:1"))
+    for image in (IMAGE, IMAGE // 8):
+        deep = np.rint(image * ((2**bits - 1) / 255)).astype(np.uint16)
+        assert turns.encoded(replace(FRAME, image=deep)) == encoded_image(replace(FRAME, image=image))
 
 
 def test_images_that_must_be_encoded_are_sent_at_the_rate_of_the_address_and_to_all_outputs_the_same() -> (

@@ -21,6 +21,13 @@ def test_level_and_clipped_share_are_those_of_every_fourth_pixel(shape: tuple[in
     assert found["clipped"] > 0.0
 
 
+def test_an_image_of_a_12_bit_camera_has_the_quality_of_its_8_bits() -> None:
+    image = noisy(3, (90, 131, 3))
+    deep, quality = np.rint(image * (4095 / 255)).astype(np.uint16), ImageQuality()
+    assert quality(deep) == ImageQuality()(image)
+    assert quality(deep // 8)["level"] == pytest.approx(quality(deep)["level"] / 8, rel=0.1)
+
+
 def test_focus_is_relative_to_the_sharpest_image() -> None:
     quality, sharp = ImageQuality(), noisy(2)
     soft = cv2.GaussianBlur(sharp, (0, 0), 1.5)
