@@ -1,7 +1,12 @@
 """Kernels for the relative appearance of dots: area and contrast over the mean of the adjacent dots', less 1.
 
-Prints are uneven, and a dot's relative appearance hardly changes with light or stretch. So it identifies dots
-where the lattice does not: weakly one dot, reliably hundreds. NaN: too few adjacent dots are known.
+It is relative to the adjacent dots of the same frame; in this module `appearance` is short for it. Prints are
+uneven, and it hardly changes with light or stretch. So a marker has a usual one, by which dots are identified
+where the lattice does not do so: weakly one dot, reliably hundreds. It decides whether all identities of a
+frame are shifted by whole pitches, not which marker one dot is. NaN: too few adjacent dots are known.
+
+The kernels have in common `dot`, (N,): for each node of the graph the index of its dot, below 0 if it has
+none. The first m nodes are the markers, the others exterior nodes.
 """
 
 # ruff: noqa: PLR0917 - compiled functions take positional arguments
@@ -56,7 +61,16 @@ def sample_step(count: int, samples: int) -> int:
 def measure_appearance(
     count: int, step: int, dot: np.ndarray, dots: DotArrays, graph: GraphArrays, out: np.ndarray
 ) -> None:
-    """Writes the relative area and contrast of every `step`-th of the first `count` nodes to `out` (N, 2)."""
+    """Writes the relative area and contrast of the nodes 0, `step`, 2 `step`, ... below `count`.
+
+    Args:
+        count, step: which nodes are measured.
+        dot: (N,).
+        dots: of the frame.
+        graph: whose nodes are adjacent.
+        out: (N, 2) or (count, 2); NaN where it is not known. Rows of nodes that are not measured stay as they
+            are, which is undefined in a new array.
+    """
     area, contrast, neighbour = dots.area_px2, dots.contrast, graph.neighbour
     for k in range(0, count, step):
         out[k, 0] = out[k, 1] = np.nan
@@ -81,22 +95,28 @@ def measure_difference(
     dot: np.ndarray,
     dots: DotArrays,
     graph: GraphArrays,
-    appearance: np.ndarray,
+    usual: np.ndarray,
     workspace: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Writes the mean difference of sampled markers from their usual appearance (m, 2) to `out` (2,).
+    """Writes the mean difference of sampled markers from their usual appearance.
 
-    NaN where nothing can be compared. `workspace` is (N, 2).
+    Args:
+        dot: (N,).
+        dots: of the frame.
+        graph: of the markers.
+        usual: (m, 2) usual appearance.
+        workspace: (N, 2), overwritten.
+        out: (2,) of area and contrast; NaN where nothing can be compared.
     """
-    markers = len(appearance)
+    markers = len(usual)
     step = sample_step(markers, APPEARANCE.check_samples)
     measure_appearance(markers, step, dot, dots, graph, workspace)
     for quantity in range(QUANTITIES):
         total = 0.0
         number = 0
         for k in range(0, markers, step):
-            difference = abs(workspace[k, quantity] - appearance[k, quantity])
+            difference = abs(workspace[k, quantity] - usual[k, quantity])
             if not np.isnan(difference):
                 total += min(difference, APPEARANCE.largest_difference)
                 number += 1
@@ -118,16 +138,25 @@ def update_appearance(
     dot: np.ndarray,
     dots: DotArrays,
     graph: GraphArrays,
-    appearance: np.ndarray,
+    usual: np.ndarray,
     rate: float,
     out: np.ndarray,
 ) -> None:
-    """Writes the running mean of the appearance of all markers (m, 2), with this frame's, to `out` (m, 2)."""
+    """Writes the usual appearance of all markers after a frame, which is a running mean.
+
+    Args:
+        dot: (N,).
+        dots: of the frame.
+        graph: of the markers.
+        usual: (m, 2) before the frame.
+        rate: weight of the frame, 0 to 1.
+        out: (m, 2) after it.
+    """
     dots, graph = DotArrays(*dots), GraphArrays(*graph)
-    measure_appearance(len(appearance), 1, dot, dots, graph, out)
-    for k in range(len(appearance)):
+    measure_appearance(len(usual), 1, dot, dots, graph, out)
+    for k in range(len(usual)):
         for quantity in range(QUANTITIES):
-            out[k, quantity] = running_mean(appearance[k, quantity], out[k, quantity], rate)
+            out[k, quantity] = running_mean(usual[k, quantity], out[k, quantity], rate)
 
 
 @kernel()
@@ -135,7 +164,7 @@ def update_appearance(
 def add_appearance_cost(
     measured: np.ndarray,
     shifted: np.ndarray,
-    appearance: np.ndarray,
+    usual: np.ndarray,
     usual_difference: np.ndarray,
     cost: np.ndarray,
 ) -> None:
@@ -144,13 +173,13 @@ def add_appearance_cost(
     The standard deviation is at least the usual one, and what the best shift leaves.
 
     Args:
-        measured: (N, 2) relative appearance of the sampled nodes in this frame.
+        measured: (N, 2) appearance of the sampled nodes in this frame; other rows are not read.
         shifted: (s, N) of `GraphArrays`.
-        appearance: (m, 2) usual relative appearance.
+        usual: (m, 2) usual appearance.
         usual_difference: (2,) mean difference from it in other frames.
         cost: (s,) increased.
     """
-    nodes, markers = shifted.shape[1], len(appearance)
+    nodes, markers = shifted.shape[1], len(usual)
     step = sample_step(nodes, APPEARANCE.shift_samples)
     difference = np.empty((len(shifted), (nodes - 1) // step + 1))
     for quantity in range(QUANTITIES):
@@ -165,7 +194,7 @@ def add_appearance_cost(
                 t = shifted[s, k]
                 difference[s, c] = np.nan
                 if 0 <= t < markers:
-                    difference[s, c] = abs(measured[k, quantity] - appearance[t, quantity])
+                    difference[s, c] = abs(measured[k, quantity] - usual[t, quantity])
                 if not np.isnan(difference[s, c]):
                     total += min(difference[s, c], APPEARANCE.largest_difference)
                     number += 1
