@@ -23,7 +23,7 @@ from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sinks.viewer import Viewer
 from manytouch.sources.pressed import PressedSource
-from manytouch.values import Comparison, Reading, Stop
+from manytouch.values import Comparison, Pause, Reading
 from manytouch.values.sensor_file import save_sensor
 from viewer_session import FakeSession, reading_of
 
@@ -257,7 +257,7 @@ def test_record_and_replay_with_a_timeline(
     page.click("#record")
     wait(page, "!manytouch.state.health.recording")
     playback = Playback(session.recordings / name, stays=True)
-    playback.send(Stop())  # before it has reached its end
+    playback.send(Pause())  # before it has reached its end
     replay = ServedSession(playback)
     again = opened(replay.viewer.url, minimum_updates=1)
     try:

@@ -32,13 +32,13 @@ from manytouch.values import (
     Command,
     Contact,
     Frame,
+    Pause,
     Phase,
     Play,
     Reading,
     Record,
+    Resume,
     Seek,
-    Start,
-    Stop,
     StopRecording,
     UseMethod,
 )
@@ -477,7 +477,7 @@ def test_what_the_disk_is_too_slow_for_is_counted(tmp_path: Path, monkeypatch: p
 def test_a_timeline_is_scrubbed(recorded: tuple[Path, Seen, Live]) -> None:
     path, seen, _ = recorded
     playback = Playback(path, stays=True)
-    again = Seen(playback, at_5=Stop(), at_6=Seek(frame=33))
+    again = Seen(playback, at_5=Pause(), at_6=Seek(frame=33))
     is_over = threading.Event()
     runner = threading.Thread(target=lambda: run(playback, [again], stop=is_over.is_set))
     runner.start()
@@ -499,7 +499,7 @@ def test_a_timeline_is_scrubbed(recorded: tuple[Path, Seen, Live]) -> None:
     playback.send(Seek(frame=4000))
     wait(lambda: any("0 to 39" in note for note in playback.health().notes))
     playback.send(Play(speed=10.0))
-    playback.send(Start())
+    playback.send(Resume())
     wait(lambda: again.readings[-1].frame.index == 39)
     playback.send(Seek(frame=38))
     wait(lambda: again.readings[-2].frame.index == 38)

@@ -43,13 +43,13 @@ from manytouch.values import (
     Comparison,
     Frame,
     Health,
+    Pause,
     Press,
     Reading,
     Record,
     Release,
+    Resume,
     Sensor,
-    Start,
-    Stop,
     StopRecording,
     Tare,
     Tune,
@@ -59,8 +59,8 @@ from manytouch.values import (
 
 AHEAD = 1  # frames that are tracked and wait for estimation
 SWITCH_INTERVAL_S = 5e-4
-"""Longest time for which a thread that runs Python code holds up another one. Python's own 5 ms would be paid
-at each return from compiled code while a method is prepared."""
+"""Longest time for which one thread runs Python code while another waits for its turn. Python's default is
+5 ms: while a thread prepares a method, those of the frames would wait that long after each compiled call."""
 
 
 class Live:
@@ -196,8 +196,8 @@ class Live:
             self._pace.begin(self._begin())
         switch_interval_s = sys.getswitchinterval()
         sys.setswitchinterval(SWITCH_INTERVAL_S)
-        newest = TrackedFrame if self._job.source.is_live else None
-        self._stream = BackgroundIterator(self._track(), ahead=AHEAD, stop=stop, replaceable=newest)
+        replaceable = TrackedFrame if self._job.source.is_live else None
+        self._stream = BackgroundIterator(self._track(), ahead=AHEAD, stop=stop, replaceable=replaceable)
         with self._stream as stream:
             try:
                 yield from self._estimate(iter(stream))
@@ -285,9 +285,9 @@ class Live:
 
     def _carry_out(self, command: Command) -> None:
         match command:
-            case Start():
+            case Resume():
                 self._is_held = False
-            case Stop():
+            case Pause():
                 self._is_held = True
             case Tare():
                 self._tare.begin()

@@ -32,12 +32,12 @@ from manytouch.values import (
     Command,
     Comparison,
     Health,
+    Pause,
     Play,
     Reading,
+    Resume,
     Seek,
     Sensor,
-    Start,
-    Stop,
     Tune,
     UseMethod,
 )
@@ -264,11 +264,11 @@ class Playback:
 
     def _carry_out(self, command: Command) -> None:
         match command:
-            case Start():
+            case Resume():
                 self._is_held = False
                 if self._is_at_end and self._sought is None:
                     self._seek(0)
-            case Stop():
+            case Pause():
                 self._is_held = True
             case Seek(frame=frame):
                 if not 0 <= frame < len(self._timeline):

@@ -5,13 +5,17 @@ from pathlib import Path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Start:
-    """Continue after `Stop`."""
+class Resume:
+    """Continue after `Pause`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stop:
-    """Pause. Frames that a camera delivers meanwhile are skipped and not counted as dropped; a file waits."""
+class Pause:
+    """Process no frames until `Resume`.
+
+    Those that a camera delivers meanwhile are skipped and not counted as dropped; a file waits. What ends a
+    run is its `session.StopCondition`.
+    """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,14 +103,25 @@ class Play:
 
 
 Command = (
-    Start | Stop | Tare | UndoTare | UseMethod | Tune | Record | StopRecording | Press | Release | Seek | Play
+    Resume
+    | Pause
+    | Tare
+    | UndoTare
+    | UseMethod
+    | Tune
+    | Record
+    | StopRecording
+    | Press
+    | Release
+    | Seek
+    | Play
 )
 
 
 def command_kind(command: Command) -> tuple[str, int | str]:
     """Of commands that wait, only the newest of each kind is carried out: the others are replaced by it."""
     match command:
-        case Start() | Stop():
+        case Resume() | Pause():
             return "run", ""
         case Tare() | UndoTare():
             return "tare", ""

@@ -60,7 +60,7 @@ class Health:
     """State of a session at one time.
 
     Attributes:
-        is_running: false between `Stop` and `Start`.
+        is_running: false between `Pause` and `Resume`.
         source: "ok", or a sentence on what is wrong with the source.
         fps: readings per second of the last two seconds.
         latency_ms_p50, latency_ms_p99: from the arrival of a frame until all sinks have received its reading,

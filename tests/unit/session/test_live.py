@@ -31,14 +31,14 @@ from manytouch.values import (
     Detections,
     Frame,
     Interpolation,
+    Pause,
     Phase,
     Press,
     Reading,
     Release,
+    Resume,
     Seek,
     Sensor,
-    Start,
-    Stop,
     Tare,
     Tune,
     UndoTare,
@@ -385,7 +385,7 @@ def test_fingers_reach_a_source_that_can_be_pressed() -> None:
 
 def test_a_file_waits_while_held_and_goes_on() -> None:
     live = Live(prepare(DrawnSource(frames=40, is_touched=False)))
-    seen = Seen(live, at_10=Stop())
+    seen = Seen(live, at_10=Pause())
     runner = threading.Thread(target=run, args=(live, [seen]))
     runner.start()
     deadline = time.monotonic() + 20
@@ -396,7 +396,7 @@ def test_a_file_waits_while_held_and_goes_on() -> None:
     assert held < 40
     time.sleep(0.2)
     assert len(seen.readings) == held
-    live.send(Start())
+    live.send(Resume())
     runner.join(timeout=20)
     assert len(seen.readings) == 40
 

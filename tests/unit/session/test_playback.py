@@ -14,7 +14,7 @@ from manytouch.session import Playback, prepare, run
 from manytouch.sources import open_source
 from manytouch.sources.files.frame_timeline import FrameTimeline, frame_timeline
 from manytouch.sources.source import Source
-from manytouch.values import Frame, Phase, Reading, Seek, Start, Stop, Tune
+from manytouch.values import Frame, Pause, Phase, Reading, Resume, Seek, Tune
 
 FRAMES = 20
 
@@ -113,7 +113,7 @@ def test_start_at_the_end_begins_again(video: Path) -> None:
 
     def is_over() -> bool:
         if len(sink.readings) == FRAMES and not playback.health().is_running:
-            playback.send(Start())
+            playback.send(Resume())
         return len(sink.readings) > FRAMES
 
     run(playback, [sink], stop=is_over)
@@ -206,7 +206,7 @@ def test_a_frame_has_the_same_contacts_after_a_jump_as_from_playing(pressed: Pat
     played = {reading.frame.index: found_in(reading) for reading in job.readings()}
     touched = next(place for place, contacts in played.items() if contacts) + 8
     playback = Playback(prepare(pressed, method=method, fps=500.0), stays=True)
-    playback.send(Stop())
+    playback.send(Pause())
     wanted = [touched, 2, touched - 3, touched + 17, touched]
     sink = Seeking(playback, {1: Seek(frame=wanted[0])})
     arrived: list[Reading] = []

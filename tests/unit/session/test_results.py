@@ -30,7 +30,7 @@ from manytouch.session.methods import default_method
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sources import open_source
 from manytouch.sources.simulated import simulated_source
-from manytouch.values import Command, Press, Reading, Roi, Sensor, Start, Stop, Tune, UseMethod
+from manytouch.values import Command, Pause, Press, Reading, Resume, Roi, Sensor, Tune, UseMethod
 from results import rows_of
 from straight import straight_camera
 from waiting import wait_until
@@ -227,7 +227,7 @@ def test_a_session_has_the_hash_of_process_unless_a_command_changed_its_results(
     expected = summary_of(folder)["hash"]
     assert expected is not None
     assert session_hash(folder) == expected
-    assert session_hash(folder, Stop(), Start(), UseMethod(method="perimeter")) == expected
+    assert session_hash(folder, Pause(), Resume(), UseMethod(method="perimeter")) == expected
     assert session_hash(folder, UseMethod(method="paper")) is None
     assert session_hash(folder, Tune(parameter="detect.least_snr", value=3.5)) is None
     assert session_hash(folder, Press(finger=0, x_mm=0.0, y_mm=0.0, depth_mm=1.0)) is None

@@ -10,7 +10,7 @@ import manytouch
 from drawn_source import DrawnSource
 from manytouch.errors import ManytouchError
 from manytouch.recording.reader import Recording
-from manytouch.values import Stop
+from manytouch.values import Pause
 
 FRAMES = 24
 
@@ -32,7 +32,7 @@ def test_the_readings_are_those_of_all_frames_and_the_session_ends_with_the_bloc
 def test_a_block_may_be_left_early() -> None:
     with manytouch.stream(source(), method="perimeter", pitch_mm=4.0) as readings:
         assert len(list(islice(readings, 3))) == 3
-        readings.send(Stop())
+        readings.send(Pause())
 
 
 def test_without_a_block_a_sentence_states_how() -> None:

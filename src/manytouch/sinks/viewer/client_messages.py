@@ -7,13 +7,13 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from manytouch.values import (
     Command,
+    Pause,
     Play,
     Press,
     Record,
     Release,
+    Resume,
     Seek,
-    Start,
-    Stop,
     StopRecording,
     Tare,
     Tune,
@@ -42,9 +42,9 @@ class SimpleRequest(_Message):
     def command(self) -> Command:
         match self.type:
             case "start":
-                return Start()
+                return Resume()
             case "stop":
-                return Stop()
+                return Pause()
             case "tare":
                 return Tare()
             case "untare":

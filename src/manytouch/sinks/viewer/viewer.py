@@ -17,7 +17,7 @@ from manytouch.sinks.viewer.recent_contacts import RecentContacts
 from manytouch.sinks.viewer.server import Server, listening_socket, page_files
 from manytouch.sinks.viewer.update_encoder import UpdateEncoder, ViewerUpdate
 from manytouch.sinks.viewer.update_format import number
-from manytouch.values import Health, Reading, Start
+from manytouch.values import Health, Reading, Resume
 
 HEALTH_INTERVAL_S = 0.25
 UPDATE_INTERVAL_S = 1.0 / 90.0
@@ -147,7 +147,7 @@ class Viewer:
     async def _serve_client(self, socket: WebSocket) -> None:
         health = self._controls.health()
         if not self._had_client and _is_at_end(health):
-            self._controls.send(Start())  # nobody has seen it
+            self._controls.send(Resume())  # nobody has seen it
         self._had_client = True
         greeting = [self._scene_info(), _parameters(health), self._health(health), self._recent.message()]
         await self._clients.serve(socket, greeting)

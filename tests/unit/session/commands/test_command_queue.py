@@ -4,11 +4,11 @@ from manytouch.errors import ManytouchError
 from manytouch.session.commands.command_queue import MAX_WAITING, CommandQueue
 from manytouch.values import (
     Command,
+    Pause,
     Press,
     Record,
     Release,
-    Start,
-    Stop,
+    Resume,
     StopRecording,
     Tare,
     Tune,
@@ -31,9 +31,9 @@ def carried_out(*commands: Command) -> list[Command]:
 
 def test_the_newest_command_of_each_kind_is_carried_out_in_order() -> None:
     assert carried_out(
-        Stop(), Tare(), press(1), Start(), UseMethod(method="a"), Tare(), press(2), press(1, 3.0)
+        Pause(), Tare(), press(1), Resume(), UseMethod(method="a"), Tare(), press(2), press(1, 3.0)
     ) == [
-        Start(),
+        Resume(),
         UseMethod(method="a"),
         Tare(),
         press(2),

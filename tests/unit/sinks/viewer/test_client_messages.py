@@ -14,13 +14,13 @@ from manytouch.sinks.viewer.client_messages import (
     parse_client_message,
 )
 from manytouch.values import (
+    Pause,
     Play,
     Press,
     Record,
     Release,
+    Resume,
     Seek,
-    Start,
-    Stop,
     StopRecording,
     Tare,
     Tune,
@@ -31,8 +31,8 @@ from manytouch.values import (
 @pytest.mark.parametrize(
     ("message", "command"),
     [
-        ({"type": "start"}, Start()),
-        ({"type": "stop"}, Stop()),
+        ({"type": "start"}, Resume()),
+        ({"type": "stop"}, Pause()),
         ({"type": "tare"}, Tare()),
         ({"type": "record"}, Record(path=None)),
         ({"type": "stop_recording"}, StopRecording()),

@@ -24,7 +24,7 @@ from manytouch.sinks.viewer import Viewer
 from manytouch.sinks.viewer.clients import MAX_IN_FLIGHT
 from manytouch.sinks.viewer.server import page_files
 from manytouch.sinks.viewer.update_format import unpack
-from manytouch.values import Comparison, Press, Record, Stop, Tare, UseMethod
+from manytouch.values import Comparison, Pause, Press, Record, Tare, UseMethod
 from viewer_session import FakeSession, reading_of
 from waiting import wait_until
 
@@ -261,7 +261,7 @@ def test_requests_reach_the_session_and_invalid_messages_do_not(viewer: Viewer, 
         wait_until(lambda: len(session.commands) == 4)
         assert next_message(stream, "note")["text"]
     assert session.commands == [
-        Stop(),
+        Pause(),
         Tare(),
         Record(path=None),
         Press(finger=1, x_mm=2.0, y_mm=3.0, depth_mm=1.5),
