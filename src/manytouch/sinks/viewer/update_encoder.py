@@ -1,4 +1,29 @@
-"""Encodes readings as the messages that every client receives."""
+"""Encodes readings as the messages that every client receives (`update_format`).
+
+The head of an update has these keys; numbers that are not known are null.
+
+    kind              "reading"
+    number            of the update, which a client acknowledges when it receives it
+    frame, time_s     of the reading
+    status, remedy    its status, and what to do about it
+    is_qualitative    whether depths and forces have no scale, because the sheet is not known
+    is_without_sheet  whether a valid frame was estimated without the mechanics of a known sheet
+    total             load of all contacts (`derived.total_load`), or null
+    milliseconds      computing time of the reading
+    contacts          of those that touch: the keys of `_contact`, and `row`: the numbers of every column of
+                      contacts.csv, in the order of `recent_contacts.COLUMNS` (the message `recent` has it)
+    comparison        null, or `name` and `contacts` of the truth or of a recording: the keys of `_contact`
+    image_quality     null, or `focus`, `level` and `clipped` (`health.ImageQuality`)
+    pretension        null, or the estimated one (`sensor_description.estimated_pretension`)
+    residual_mm       median depth while nothing touches (`health.residual_mm`)
+    layers            that can be requested
+    latency_ms        from the arrival of the frame until now; null for files
+    arrived_ns        of the frame, by the monotonic clock of this machine; null for files
+    parts             the parts that follow the head
+
+The parts are `depth` (rows, columns) and the requested layer, on the grid of `scene_info`; `markers` (m, 2)
+in pixels; `support`, if some markers are not seen: 1 where one is near; `image`, a JPEG, if it is shown.
+"""
 
 import time
 from collections.abc import Set
