@@ -226,7 +226,7 @@ class OpenCvCapture:
         for name in backend.order:
             if name in wanted:
                 capture.set(_PROPERTY[name], wanted[name])
-        self._is_raw = "convert" in wanted
+        self._gives_jpeg = "convert" in wanted
 
     @property
     def settings(self) -> tuple[Setting, ...]:
@@ -274,11 +274,11 @@ class OpenCvCapture:
         decoded, image = self._capture.retrieve()
         if not decoded or image is None or image.size == 0:
             return None
-        if not self._is_raw:
+        if not self._gives_jpeg:
             return CapturedImage(image=read_only(image.copy()), encoded=None, driver_ns=driver_ns)
         encoded = whole_jpeg(image)
         if encoded is None:  # the camera gives no JPEG: let the driver convert
-            self._is_raw = False
+            self._gives_jpeg = False
             self._capture.set(_PROPERTY["convert"], 1.0)
             return None
         return CapturedImage(image=None, encoded=encoded, driver_ns=driver_ns)

@@ -113,7 +113,11 @@ def test_a_file_describes_everything(tmp_path: Path) -> None:
 
 def test_motions_follow_their_description(tmp_path: Path) -> None:
     (tmp_path / "body.obj").write_text(TETRAHEDRON)
-    finger, roller, left, right, punch, _ = load_scene(written(tmp_path, EVERYTHING)).bodies
+    bodies = load_scene(written(tmp_path, EVERYTHING)).bodies
+    (finger,), (roller,), (left, right), (punch,) = (
+        [body for body in bodies if isinstance(body.indenter, kind)]
+        for kind in (Fingertip, LyingCylinder, RoundPunch, SquarePunch)
+    )
 
     def at(body: object, time_s: float) -> list[float]:
         return body.way.at(np.array([time_s]))[0][0].tolist()  # type: ignore[attr-defined]
@@ -133,13 +137,13 @@ def test_motions_follow_their_description(tmp_path: Path) -> None:
 
 def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:
     text = EVERYTHING.replace("seconds = 6.0", "seconds = -6.0").replace("blur_px", "blurr_px")
-    text = text.replace('kind = "cylinder"', 'kind = "cone"').replace(
+    text = text.replace('kind = "cylinder"', 'kind = "no shape"').replace(
         "depth_mm = 1.0, start", "depth_mm = 0, start"
     )
     with pytest.raises(SourceError) as caught:
         load_scene(written(tmp_path, text))
     message = str(caught.value)
-    for words in ("seconds = -6.0", "unknown key lens.blurr_px", "cone", "depth_mm = 0"):
+    for words in ("seconds = -6.0", "unknown key lens.blurr_px", "no shape", "depth_mm = 0"):
         assert words in message
 
 
