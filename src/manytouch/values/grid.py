@@ -14,12 +14,14 @@ class TrackedGrid:
         position_px: (m, 2) measured centres x, y; NaN where not seen.
         covariance_px2: (m, 2, 2); NaN where not seen.
         is_seen: (m,) false also where the identity of the dot is doubtful.
-        frames_unseen: (m,) frames since the marker was last seen; 0 where seen.
+        frames_unseen: (m,) number of successive frames up to this one in which the marker was not seen; 0
+            where seen. One that was never seen, also because it is known to be missing, counts from the first
+            frame. A recording and the process of the outputs do not keep the number: 1 there where not seen.
         area_px2: (m,) area of the dots; NaN where not seen; None if the method does not measure it.
         lost_ids: number of markers that were seen in the frame before and are not in this one; None if the
-            method does not count it.
+            method does not count it: only `paper` does.
         new_ids: number of dots of this frame that got an identity that no marker of the layout has; None if
-            the method gives no new identities.
+            the method gives no new identities: only `paper` does.
         status: that of the detections if it is not `OK`; else `AMBIGUOUS_SHIFT`, `FEW_MARKERS` or `OK`. The
             method `paper` has `MANY_MARKERS` instead of `AMBIGUOUS_SHIFT`.
     """

@@ -191,7 +191,11 @@ def shell_law(sheet: Sheet, stretch: float, cell_mm2: float) -> kernels.ShellLaw
 
 
 def _reach_mm(indenter: Indenter) -> float:
-    """From the lowest point of an indenter to the furthest contact when half of it is pressed in."""
+    """Largest distance from the lowest point of an indenter to a point of it that can touch the sheet.
+
+    It is then pressed in by half of its height at most: a ball up to its equator. `CONVEX_REACH_MM` of a
+    convex body.
+    """
     match indenter:
         case Sphere(radius_mm=radius_mm) | RoundPunch(radius_mm=radius_mm):
             return 1.5 * radius_mm
