@@ -80,7 +80,7 @@ def calibrate_pad(sensor: Sensor, presses: Sequence[KnownPress]) -> SheetCalibra
     young_MPa = float(np.exp(mean))
     require_determined(presses, young_MPa, std * young_MPa, leave_one_out_error)
     return SheetCalibration(
-        sheet=replace(sheet, young_MPa=young_MPa, young_std_MPa=std * young_MPa),
+        sheet=replace(sheet, young_MPa=young_MPa, young_std_MPa=std * young_MPa, poisson=state.model.poisson),
         std={"young_std_MPa": std * young_MPa},
         undetermined=(),
         warnings=(

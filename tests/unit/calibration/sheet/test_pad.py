@@ -23,7 +23,7 @@ SHEARS_N = ((0.15, 0.0), (0.0, -0.25), (0.08, 0.08))
 
 @pytest.fixture(scope="module")
 def sensor() -> Sensor:
-    return pad_sensor(young_MPa=0.5, young_std_MPa=0.15)
+    return pad_sensor(young_MPa=0.5, young_std_MPa=0.15, poisson=None)
 
 
 @pytest.fixture(autouse=True)
@@ -73,6 +73,7 @@ def test_known_forces_give_the_modulus_with_its_deviation(sensor: Sensor) -> Non
     assert found.sheet.young_std_MPa < 0.12 * YOUNG_MPA
     assert np.abs(found.leave_one_out_error).max() < 0.2
     assert any("Young's modulus" in line for line in describe(found))
+    assert found.sheet.poisson == PadEstimator().nominal_pad.poisson  # E holds with what was assumed
     (warning,) = found.warnings
     assert "press 1: the force acts" in warning
     odd = [
