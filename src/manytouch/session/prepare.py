@@ -41,8 +41,9 @@ INPUT = "the path of a video or image, the number of a camera, or what manytouch
 SPREAD_FRAMES = 16
 STILL_TRIES = 8  # times `START_FRAMES`, for a live source to be still at its start
 UNKNOWN_PRETENSION = (
-    "The pretension of the sheet is estimated from what presses it, since its file states none; the standard "
-    "deviations of forces contain that of the estimate (manytouch calibrate sheet measures the pretension)."
+    "The pretension of the sheet is estimated from what presses it, since its file does not state both "
+    "pretension_N_per_mm and young_MPa; the standard deviations of forces contain that of the estimate "
+    "(manytouch calibrate sheet measures the pretension)."
 )
 NO_RATE = f"The frame rate is {ASSUMED_FPS:g} frames per second, since the input states none (--fps sets it)."
 
@@ -296,14 +297,15 @@ def _report_delays(source: Source, observer: Observer) -> None:
 
 
 def _estimates_pretension(sensor: Sensor, method: str) -> bool:
-    """Whether the method is `mechanics` and estimates the pretension, because the sensor file states none."""
+    """Whether the method is `mechanics` and estimates the pretension, because the sensor file states none
+    or states it without Young's modulus."""
     sheet = sensor.sheet
     return (
         method == "mechanics"
         and sheet is not None
         and not sheet.is_assumed
         and sheet.boundary == "clamped"
-        and sheet.pretension_N_per_mm is None
+        and not sheet.states_pretension
     )
 
 

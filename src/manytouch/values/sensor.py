@@ -198,6 +198,12 @@ class Sheet:
     pad_index_std: float | None = None
     is_assumed: bool = False
 
+    @property
+    def states_pretension(self) -> bool:
+        """Whether the pretension over E is known; without E only a pretension of 0 says anything about it."""
+        tension = self.pretension_N_per_mm
+        return tension is not None and (self.young_MPa is not None or tension == 0.0)
+
     def __repr__(self) -> str:
         x_mm, y_mm = self.size_mm
         stiffness = "E unknown" if self.young_MPa is None else f"E {self.young_MPa:g} MPa"

@@ -294,9 +294,11 @@ def test_the_default_method_is_mechanics_where_the_sheet_is_known() -> None:
     assert default_method(replace(source.sensor, sheet=bonded)) == "mechanics"
 
 
-def test_mechanics_states_that_it_estimates_a_pretension_that_no_file_states() -> None:
+@pytest.mark.parametrize("unknown", ["pretension_N_per_mm", "young_MPa"])
+def test_mechanics_states_that_it_estimates_a_pretension_that_no_file_states(unknown: str) -> None:
+    """Without Young's modulus, a pretension in N/mm says nothing about the shape of the sheet."""
     source = simulated_source("rest", width_px=160)
-    slack = replace(source.sensor, sheet=replace(source.sensor.sheet, pretension_N_per_mm=None))
+    slack = replace(source.sensor, sheet=replace(source.sensor.sheet, **{unknown: None}))
     slack_source = replace(source, simulator=replace(source.simulator, sensor=slack))
     job = prepare(slack_source, method="mechanics")
     (stated,) = (sentence for sentence in job.sensor.assumptions if "pretension" in sentence)
@@ -305,6 +307,8 @@ def test_mechanics_states_that_it_estimates_a_pretension_that_no_file_states() -
     assert (
         not prepare(source, method="mechanics").pipeline.estimate.start(source.sensor).pretension.is_estimated
     )
+    no_tension = replace(slack.sheet, pretension_N_per_mm=0.0, young_MPa=None)
+    assert not job.pipeline.estimate.start(replace(slack, sheet=no_tension)).pretension.is_estimated
     bonded = replace(slack.sheet, boundary="bonded", marker_depth_mm=1.0)
     pad_source = replace(source, simulator=replace(source.simulator, sensor=replace(slack, sheet=bonded)))
     for each, method in ((source, "mechanics"), (slack_source, "perimeter"), (pad_source, "mechanics")):

@@ -151,12 +151,12 @@ def plain_values(value: object) -> Any:
 
 
 def estimated_pretension(sensor: Sensor, spline: SheetSpline | None) -> dict[str, float | None] | None:
-    """Pretension of a sheet whose file states none, with its standard deviation; None without an estimate.
+    """Pretension of a sheet whose file does not state it, with its standard deviation; None without an estimate.
 
     In N/mm where Young's modulus is known, and divided by it.
     """
     sheet = sensor.sheet
-    if spline is None or (sheet is not None and sheet.pretension_N_per_mm is not None):
+    if spline is None or (sheet is not None and sheet.states_pretension):
         return None
     mean, std, young = spline.pretension_over_E_mm, spline.pretension_std_over_E_mm, spline.young_MPa
     return {

@@ -189,7 +189,7 @@ class PretensionEstimator:
 
     def start(self, model: InversionModel, sheet: Sheet) -> PretensionEstimate:
         """What is known before the first frame."""
-        if sheet.pretension_N_per_mm is not None:
+        if sheet.states_pretension:
             std, young = sheet_std(sheet).pretension_N_per_mm or 0.0, sheet.young_MPa
             over_E_mm = 0.0 if young is None else std / young
             return PretensionEstimate(
