@@ -200,7 +200,7 @@ class Sheet:
 
     @property
     def states_pretension(self) -> bool:
-        """Whether the pretension over E is known; without E only a pretension of 0 says anything about it."""
+        """Whether the pretension over E is known; without E only a pretension of 0 states it."""
         tension = self.pretension_N_per_mm
         return tension is not None and (self.young_MPa is not None or tension == 0.0)
 

@@ -23,7 +23,13 @@ from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter, misfit_scale
 from manytouch.estimation.pad.patch_forces import OWN
 from manytouch.estimation.pad.patch_kernels import SHAPE, Profile
 from manytouch.estimation.pad.patch_search import PatchCandidates, PatchSearch, ProfileChoice
-from manytouch.estimation.pad.patches import NO_PATCHES, Patches, halved, joined, nearest_pair
+from manytouch.estimation.pad.patches import (
+    NO_PATCHES,
+    Patches,
+    halved_or_wider,
+    joined,
+    nearest_pair,
+)
 from manytouch.estimation.perimeter.marker_surface import unknown_surface
 from manytouch.estimation.reference_drift import ReferenceDrift
 from manytouch.estimation.slip_detector import SlipDetector, SlipState
@@ -31,7 +37,7 @@ from manytouch.geometry.neighbours import Neighbours, nearest_neighbours
 from manytouch.geometry.refraction import rest_px
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values import Contact, Contacts, Sensor, Status, Surface, TrackedGrid
-from manytouch.values.arrays import Mask, Points2, Points3, Scalars, read_only
+from manytouch.values.arrays import Points2, Points3, Scalars, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -114,7 +120,7 @@ class PadEstimator:
             tried in vain, from which one is tried again.
         refusal_lasts: factor by which the misfit of that frame is reduced in each further frame, if that of
             the further frame is not less.
-        split_misfit: misfit per image coordinate above which the widest contact may be two.
+        split_misfit: misfit per image coordinate above which the widest contact may be two, or wider.
         merge_gain: least increase of the misfit if two near contacts were one, over that per degree of
             freedom (at least 1).
         same_share: change of the markers' displacements over the largest of them below which a fit is not
@@ -204,7 +210,7 @@ class PadEstimator:
             state.tracks,
             found,
             may_start=may_start,
-            is_loaded=lambda place_mm: _is_near(place_mm, fit, 2.0 * model.pitch_mm),
+            is_loaded=lambda place_mm: fit.patches.are_near(place_mm, 2.0 * model.pitch_mm),
             status=grid.status,
         )
         slip, contacts = self.slip_detector(state.slip, contacts, model.pitch_mm)
@@ -274,16 +280,17 @@ class PadEstimator:
         return self.profile_choice(model, self.fitter, fit, linear_px)
 
     def _longer(self, state: PadState, fit: PadFit, measured: _Measured) -> PadFit | None:
-        """The fit with one contact more, where that explains the images better."""
+        """The fit with one contact more or a wider one, where that explains the images better."""
         model = state.model
         guess, gain = self.search(state.candidates, fit.residual_px, fit.weight)
         longer = None
         if guess is not None and gain >= self.start_gain:
+            guess = self.search.widened(model, self.fitter, guess, fit.residual_px, fit.weight)
             longer = self._if_better(model, fit, fit.patches.with_more(guess[None], Profile.DOME), measured)
         is_poor = fit.misfit > self.split_misfit * float((fit.weight > 0.0).sum())
         if longer is None and is_poor and len(fit.patches) > 0:
-            widest = int(np.argmax((fit.patches.own[:, 2:SHAPE] ** 2).sum(axis=1)))
-            longer = self._if_better(model, fit, halved(fit.patches, widest), measured)
+            tried = [self._if_better(model, fit, each, measured) for each in halved_or_wider(fit.patches)]
+            longer = min(filter(None, tried), key=lambda each: each.misfit, default=None)
         return longer
 
     def _if_better(
@@ -391,9 +398,3 @@ def _nodal_mm2(model: ObservedPad, fit: PadFit, found: Sequence[Contact]) -> Nod
         fit.force_mm2, own[:, SHAPE], where=own[:, SHAPE] != 0.0, out=np.ones(len(own))
     )
     return model.by_node(tractions(model, Patches(own=own, profile=fit.patches.profile)))
-
-
-def _is_near(place_mm: Points2, fit: PadFit, reach_mm: float) -> Mask:
-    """(k,) places with a fitted contact nearby."""
-    away_mm = np.linalg.norm(place_mm[:, None] - fit.patches.own[:, :2], axis=2)
-    return np.asarray(away_mm.min(axis=1, initial=np.inf) < reach_mm)

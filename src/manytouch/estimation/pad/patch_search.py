@@ -11,7 +11,7 @@ from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter, misfit_scale
 from manytouch.estimation.pad.patch_forces import OWN
 from manytouch.estimation.pad.patch_kernels import SHAPE, Profile
 from manytouch.estimation.pad.patches import Patches, joined, near_groups
-from manytouch.values.arrays import Points2, read_only
+from manytouch.values.arrays import Mask, Points2, Scalars, read_only
 
 _COLUMNS = 3  # normal force, shear x, shear y
 
@@ -40,11 +40,14 @@ class PatchSearch:
     Attributes:
         step, root: distance of candidates and root of their second moment, in thicknesses; the distance is at
             most one pitch.
+        wider: roots of the guess at the best candidate that are tried too, over that of the candidate: from a
+            guess that is much too narrow, a fit of a wide contact ends at a worse minimum.
         max_shear: largest ratio of shear to normal force of a candidate.
     """
 
     step: float = 0.4
     root: float = 0.25
+    wider: tuple[float, ...] = (2.0, 4.0)
     max_shear: float = 1.0
 
     def start(self, model: ObservedPad, fitter: PatchFitter) -> PatchCandidates:
@@ -73,21 +76,65 @@ class PatchSearch:
         weight: Float64[np.ndarray, " r"],
     ) -> tuple[np.ndarray | None, float]:
         """The guess (OWN,) with the largest reduction of the misfit, and this; None if nothing presses."""
-        # one weight for all markers that are seen; what is not seen counts as unmoved
-        usual = float(np.median(weight[weight > 0.0])) if (weight > 0.0).any() else 0.0
-        pull = (candidates.column @ (weight * residual_px)).reshape(-1, _COLUMNS)
-        load = np.einsum("kij,kj->ki", candidates.inverse, pull)
-        load /= max(usual, 1e-300)
-        gain = (load * pull).sum(axis=1)
-        is_press = (load[:, 0] > 0.0) & (np.hypot(load[:, 1], load[:, 2]) <= self.max_shear * load[:, 0])
+        pull = _pulls(candidates.column, residual_px, weight)
+        load, gain = _loads(candidates.inverse, pull, weight)
+        is_press = self._is_press(load)
         if not is_press.any():
             return None, 0.0
         best = int(np.argmax(np.where(is_press, gain, -1.0)))
-        root_mm = candidates.root_mm
-        guess = np.zeros(OWN)
-        guess[:SHAPE] = *candidates.centre_mm[best], root_mm, 0.0, root_mm
-        guess[SHAPE : SHAPE + _COLUMNS] = load[best]
-        return guess, float(gain[best])
+        return _guess(candidates.centre_mm[best], candidates.root_mm, load[best]), float(gain[best])
+
+    def widened(
+        self,
+        model: ObservedPad,
+        fitter: PatchFitter,
+        guess: Float64[np.ndarray, "10"],
+        residual_px: Float64[np.ndarray, " r"],
+        weight: Float64[np.ndarray, " r"],
+    ) -> Float64[np.ndarray, "10"]:
+        """The guess with the root of the second moment that reduces the misfit most."""
+        root_mm = guess[2] * np.array([1.0, *self.wider])
+        shapes = np.stack([_guess(guess[:2], root, np.zeros(_COLUMNS))[:SHAPE] for root in root_mm])
+        column = fitter.images(model, shapes).column[:, :_COLUMNS]
+        pull = _pulls(column.reshape(-1, column.shape[-1]), residual_px, weight)
+        load, gain = _loads(np.linalg.inv(column @ column.transpose(0, 2, 1)), pull, weight)
+        best = int(np.argmax(np.where(self._is_press(load), gain, -1.0)))
+        return _guess(guess[:2], root_mm[best], load[best]) if best > 0 else guess
+
+    def _is_press(self, load: Float64[np.ndarray, "k 3"]) -> Mask:
+        """(k,) whether loads press, and shear no more than they can."""
+        return np.asarray(
+            (load[:, 0] > 0.0) & (np.hypot(load[:, 1], load[:, 2]) <= self.max_shear * load[:, 0])
+        )
+
+
+def _pulls(
+    column: Float64[np.ndarray, "c r"],
+    residual_px: Float64[np.ndarray, " r"],
+    weight: Float64[np.ndarray, " r"],
+) -> Float64[np.ndarray, "k 3"]:
+    """Weighted products of images by unit loads with residuals."""
+    return np.asarray((column @ (weight * residual_px)).reshape(-1, _COLUMNS))
+
+
+def _loads(
+    inverse: Float64[np.ndarray, "k 3 3"], pull: Float64[np.ndarray, "k 3"], weight: Float64[np.ndarray, " r"]
+) -> tuple[Float64[np.ndarray, "k 3"], Scalars]:
+    """Loads (k, 3) with the least misfit, and by how much each reduces it (k,).
+
+    With one weight for all markers that are seen; what is not seen counts as unmoved.
+    """
+    usual = float(np.median(weight[weight > 0.0])) if (weight > 0.0).any() else 0.0
+    load = np.einsum("kij,kj->ki", inverse, pull) / max(usual, 1e-300)
+    return load, np.asarray((load * pull).sum(axis=1))
+
+
+def _guess(centre_mm: np.ndarray, root_mm: float, load: np.ndarray) -> Float64[np.ndarray, "10"]:
+    """A round contact with a root of its second moment."""
+    guess = np.zeros(OWN)
+    guess[:SHAPE] = *centre_mm, root_mm, 0.0, root_mm
+    guess[SHAPE : SHAPE + _COLUMNS] = load
+    return guess
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -12,7 +12,7 @@ from manytouch.estimation.pad.patch_forces import OWN
 from manytouch.estimation.pad.patch_kernels import SHAPE
 from manytouch.estimation.pad.patch_slopes import PatchPad, add_image, fill_slopes
 
-_TRIALS = 4  # of the damping in a step
+_TRIALS = 12  # of the damping in a step, each ten times the one before
 _MOST_STRETCH = 1.0 - 1e-9  # of the squared difference of the principal moments over their sum
 _LEAST_SHARE = 1e-6  # of the misfit by which a step reduces it, below which the iteration ends
 
@@ -317,7 +317,10 @@ def iterate(
         _slopes(theta, count, problem, work)
         before = now
         for _ in range(_TRIALS):
-            moved = theta + _solve_damped(work.curved, damping, work.pull)
+            step = _solve_damped(work.curved, damping, work.pull)
+            if step @ work.pull < limits.least_gain:  # no smaller step reduces the misfit by as much
+                break
+            moved = theta + step
             _limit(theta, moved, count, limits)
             tried = _misfit(moved, count, problem, work.tried)
             if tried <= now:

@@ -151,7 +151,7 @@ def plain_values(value: object) -> Any:
 
 
 def estimated_pretension(sensor: Sensor, spline: SheetSpline | None) -> dict[str, float | None] | None:
-    """Pretension of a sheet whose file does not state it, with its standard deviation; None without an estimate.
+    """Pretension of a sheet whose file does not state it, with its deviation; None without an estimate.
 
     In N/mm where Young's modulus is known, and divided by it.
     """
