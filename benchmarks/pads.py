@@ -3,9 +3,10 @@
 3-D solids with free sides are pressed by the bodies of the groups of pads of `evaluate`. The method
 `mechanics` gets the true images of the markers with 0.02 px of noise and the true sensor file, which states
 that its numbers are exact; with --wrong-file, Poisson's ratio is .01 too large (but at most .495) and the
-thickness 4 % too small, and the file states no deviations. With --linear, forces are those of the linear pad.
-Each state is a new start from rest, or, with --path, follows the one before. Cases that no constant was
-chosen on are left out unless --held-out is given. The solved presses are those of the package.
+thickness 4 % too small, and the file states no deviations; with --drawn, they and the depth of the markers
+have the random errors of the group `pads_calibrated`, which the file states. With --linear, forces are those
+of the linear pad. Each state is a new start from rest, or, with --path, follows the one before. Cases that no
+constant was chosen on are left out unless --held-out is given. The solved presses are those of the package.
 
     .venv/bin/python benchmarks/pads.py
     .venv/bin/python benchmarks/pads.py --wrong-file
@@ -20,6 +21,7 @@ import numpy as np
 
 from manytouch.estimation.pad.estimator import PadEstimator
 from manytouch.estimation.pad.pad_contacts import PadContacts
+from manytouch.evaluation.suite.calibrated.pad_sensor import drawn_pad
 from manytouch.evaluation.suite.pads.cases import OwnPadCase, pads
 from manytouch.evaluation.suite.pads.pad_sensors import true_pad
 from manytouch.evaluation.suite.pads.recording import pad_states
@@ -56,6 +58,13 @@ def wrong(sensor: Sensor) -> Sensor:
     return replace(
         sensor, sheet=replace(sensor.sheet, poisson=poisson, thickness_mm=0.96 * sensor.sheet.thickness_mm)
     )
+
+
+def drawn(sensor: Sensor, case: OwnPadCase) -> Sensor:
+    """The sensor with random errors of all numbers of the pad but Young's modulus, and their deviations."""
+    sheet = drawn_pad(case).sheet
+    assert sheet is not None
+    return replace(sensor, sheet=replace(sheet, young_MPa=case.young_MPa, young_std_MPa=0.0))
 
 
 def grid_of(position_px: np.ndarray, random: np.random.Generator) -> TrackedGrid:
@@ -113,6 +122,7 @@ def main() -> None:
     parser.add_argument("--held-out", action="store_true", help="also cases that no constant was chosen on")
     parser.add_argument("--linear", action="store_true", help="forces without stiffening")
     parser.add_argument("--wrong-file", action="store_true", help="the sensor file is not exact")
+    parser.add_argument("--drawn", action="store_true", help="the sensor file has random errors")
     options = parser.parse_args()
     estimate, random = PadEstimator(), np.random.default_rng(5)
     if options.linear:
@@ -122,7 +132,8 @@ def main() -> None:
         if options.only not in case.name or not (case.looked_at or options.held_out):
             continue
         sensor = sensor_of(case)
-        now = started = estimate.start(wrong(sensor) if options.wrong_file else exact_sensor(sensor))
+        stated = drawn(sensor, case) if options.drawn else exact_sensor(sensor)
+        now = started = estimate.start(wrong(sensor) if options.wrong_file else stated)
         for level, (markers, _) in zip(case.press.levels, pad_states(case), strict=True):
             before, position_px = now if options.path else started, images_px(sensor, markers)
             for _ in range(2):

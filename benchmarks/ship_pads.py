@@ -1,13 +1,14 @@
-"""Solve the presses of the groups of pads of `evaluate` and write them into the package.
+"""Solve the presses on pads of `evaluate`, also for calibrations, and write them into the package.
 
-.venv/bin/python benchmarks/ship_pads.py    # an hour for all; files that are there are left as they are
+.venv/bin/python benchmarks/ship_pads.py    # two hours for all; files that are there are left as they are
 """
 
 from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 
-from manytouch.evaluation.suite.pads.cases import OwnPadCase, pads
+from manytouch.evaluation.suite.calibrated.pad_sensor import calibration_presses
+from manytouch.evaluation.suite.pads.cases import PADS, OwnPadCase, pads
 from manytouch.evaluation.suite.pads.pad_sensors import true_pad
 from manytouch.simulation.pad_presses import PressedPad, solve_pad
 from manytouch.simulation.scene.deformation_file import write_deformations
@@ -23,7 +24,8 @@ def states(case: OwnPadCase) -> Iterator[tuple[float, PressedPad]]:
 
 def main() -> None:
     folder = Path(str(files("manytouch.evaluation") / "deformations"))
-    for case in pads("pads"):
+    calibrations = (case for pad in PADS for case in calibration_presses(pad))
+    for case in (*pads("pads"), *calibrations):
         path = folder / case.solution
         if path.exists():
             continue

@@ -22,6 +22,7 @@ Group = Literal[
     "calibrated",
     "pads",
     "pads_nominal",
+    "pads_calibrated",
     "pads_calculix",
 ]
 GROUPS: tuple[Group, ...] = get_args(Group)
@@ -41,7 +42,7 @@ def evaluate(
     *,
     out: Annotated[Path, options.folder("Folder for report.html and report.json.")],
     quick: Annotated[
-        bool, Parameter(negative=(), help="Run only 34 cases of the suite (some minutes).")
+        bool, Parameter(negative=(), help="Run only 36 cases of the suite (some minutes).")
     ] = False,
     method: Annotated[
         list[options.Method] | None,

@@ -95,7 +95,7 @@ def test_stress_goes_to_the_limits() -> None:
 
 def test_quick_takes_some_of_each_group_from_both_halves() -> None:
     found = cases(quick=True)
-    assert len(found) == 35
+    assert len(found) == 36
     assert {case.group for case in found} == set(GROUPS)
     assert len({case.looked_at for case in found}) == 2
 

@@ -1,4 +1,4 @@
-"""The figures of bonded pads next to their goals, with the true and with a nominal sensor file."""
+"""The figures of bonded pads next to their goals, with true, nominal and calibrated sensor files."""
 
 import math
 from collections.abc import Iterator
@@ -32,12 +32,14 @@ _EXACT = _goals(normal_median_percent=6.0, normal_p95_percent=18.0)
 GOALS = {
     "pads": _EXACT,
     "pads_nominal": _goals(normal_median_percent=12.0, normal_p95_percent=35.0),
+    "pads_calibrated": _EXACT,
     "pads_calculix": _EXACT,
 }
 """At most, or at least where more is better; the share of the 95 % interval within its binomial band."""
 WORDS = {
     "pads": "bonded pads, true sensor file",
     "pads_nominal": "bonded pads, nominal sensor file",
+    "pads_calibrated": "bonded pads, calibrated sensors",
     "pads_calculix": "bonded pads solved by CalculiX",
 }
 

@@ -127,6 +127,7 @@ def halves_rows(data: dict[str, Any]) -> list[dict[str, Any]]:
         "held_out": "half that is held out",
         "pads": "bonded pads, true sensor file",
         "pads_nominal": "bonded pads, nominal sensor file",
+        "pads_calibrated": "bonded pads, calibrated sensors",
         "pads_calculix": "bonded pads solved by CalculiX",
     }
     keys = (

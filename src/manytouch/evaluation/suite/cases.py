@@ -6,13 +6,14 @@ from typing import Literal
 REST_FRAMES, RAMP_FRAMES, HOLD_FRAMES = 15, 8, 4
 GROUPS = (
     *("nominal", "separation", "stress", "varied", "drawn", "calibrated"),
-    *("pads", "pads_nominal", "pads_calculix"),
+    *("pads", "pads_nominal", "pads_calibrated", "pads_calculix"),
 )
 VARIED_GROUPS = ("varied", "drawn", "calibrated")
 """Other shapes on other sheets: with the true sensor, with randomly sampled errors of its numbers, and with a
 sensor that was calibrated from such errors."""
-OWN_PAD_GROUPS = ("pads", "pads_nominal")
-"""Bonded pads solved by our own finite elements: with the true sensor file, and with a nominal one."""
+OWN_PAD_GROUPS = ("pads", "pads_nominal", "pads_calibrated")
+"""Bonded pads solved by our own finite elements: with the true sensor file, with a nominal one, and with a
+sensor that was calibrated from a nominal one."""
 PAD_GROUPS = (*OWN_PAD_GROUPS, "pads_calculix")
 """Bonded pads, whose figures stand apart: also those that CalculiX solved, with the true sensor file."""
 
@@ -82,6 +83,7 @@ class Case:
         "calibrated",
         "pads",
         "pads_nominal",
+        "pads_calibrated",
         "pads_calculix",
         "published",
     ]

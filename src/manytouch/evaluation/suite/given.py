@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from manytouch.evaluation.suite.calibrated.pad_sensor import calibrated_pad
 from manytouch.evaluation.suite.calibrated.sheet_sensor import calibrated_sensor
 from manytouch.evaluation.suite.cases import Case, SensorPerturbation
-from manytouch.evaluation.suite.pads.cases import PadCase
+from manytouch.evaluation.suite.pads.cases import OwnPadCase, PadCase
 from manytouch.evaluation.suite.pads.pad_sensors import given_pad
 from manytouch.evaluation.suite.sensors import DESIGNED_WIDTH_PX, exact_sensor, true_sensor, with_all_dots
 from manytouch.evaluation.suite.varied.cases import VariedCase
@@ -18,11 +19,14 @@ from manytouch.values.arrays import read_only
 def given_sensor(case: Case) -> Sensor:
     """The sensor as the methods are given it, always with all dots printed.
 
-    - A bonded pad: `given_pad`, whose true numbers are stated to be exactly known.
+    - A bonded pad: `given_pad`, whose true numbers are stated to be exactly known; of `pads_calibrated`:
+      `calibrated_pad` of its pad.
     - A case of the group `drawn`: `drawn_sensor`; of `calibrated`: `calibrated_sensor` of its sheet.
     - A case with a perturbation: the true sensor with it.
     - Any other case: the true sensor, whose sheet is stated to be exactly known.
     """
+    if isinstance(case, OwnPadCase) and case.group == "pads_calibrated":
+        return calibrated_pad(case.pad)
     if isinstance(case, PadCase):
         return exact_sensor(given_pad(case)) if case.group != "pads_nominal" else given_pad(case)
     true = with_all_dots(true_sensor(case))

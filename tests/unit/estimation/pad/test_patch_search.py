@@ -1,16 +1,91 @@
-"""Profiles of pressure that are chosen for a press of the suite: a flat punch that sticks."""
+"""Widths and profiles of contacts that are chosen for presses of the suite, also sudden ones."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from layouts import grid_at
-from manytouch.estimation.pad.estimator import PadEstimator
-from manytouch.evaluation.suite.pads.cases import pads
-from manytouch.evaluation.suite.pads.pad_sensors import true_pad
+from manytouch.estimation.pad.estimator import PadEstimator, PadState
+from manytouch.estimation.pad.patches import Profile
+from manytouch.evaluation.suite.calibrated.pad_sensor import calibration_presses, drawn_pad
+from manytouch.evaluation.suite.pads.cases import OwnPadCase, pads
+from manytouch.evaluation.suite.pads.pad_sensors import NOMINAL_STD, true_pad
 from manytouch.evaluation.suite.pads.recording import pad_states
 from manytouch.evaluation.suite.sensors import exact_sensor
 from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.simulator import Simulator
+from manytouch.values import Sensor, TrackedGrid
+
+ESTIMATE = PadEstimator()
+
+
+def grid_of(case: OwnPadCase, state: int) -> TrackedGrid:
+    """The markers in one of the three states of a press."""
+    markers, _ = pad_states(case)[state]
+    scene = SolidScene(name="press", time_s=np.array([0.0, 1.0]), states=(markers, markers), duration_s=1.0)
+    truth = Simulator(sensor=true_pad(case), scene=scene).truth(0)
+    return grid_at(truth.grid.position_px, noise_px=0.03, seed=1)
+
+
+def true_mm2(case: OwnPadCase, state: int) -> float:
+    """Normal force of a press over E."""
+    (contact,) = pad_states(case)[state][1].contacts
+    return contact.normal_force_N / case.young_MPa
+
+
+@pytest.fixture(scope="module")
+def thin() -> tuple[PadState, OwnPadCase]:
+    """A pad of 2.5 mm that its file states 6 % thinner, and a ball of 16 mm that is pressed on it."""
+    case = calibration_presses("thin")[1]
+    return ESTIMATE.start(drawn_pad(calibration_presses("thin")[0])), case
+
+
+def test_a_wide_press_that_is_sudden_has_the_force_of_a_slow_one(thin: tuple[PadState, OwnPadCase]) -> None:
+    start, case = thin
+    slow = start
+    for state in range(3):
+        slow, _, _ = ESTIMATE.step(slow, grid_of(case, state))
+    _, _, contacts = ESTIMATE.step(slow, grid_of(case, 2))
+    _, _, sudden = ESTIMATE.step(start, grid_of(case, 2))
+    (one,), (other,) = contacts.touching, sudden.touching
+    assert other.normal_force_over_E_mm2 == pytest.approx(one.normal_force_over_E_mm2, rel=0.02)
+    assert one.normal_force_over_E_mm2 == pytest.approx(true_mm2(case, 2), rel=0.2)
+
+
+def test_a_fit_leaves_a_guess_from_which_long_steps_lead_nowhere(thin: tuple[PadState, OwnPadCase]) -> None:
+    start, case = thin
+    moved_px = (grid_of(case, 2).position_px - start.model.rest_px).ravel()
+    weight = np.full(len(moved_px), 0.03**-2)
+    guess, _ = ESTIMATE.search(start.candidates, moved_px, weight)
+    assert guess is not None
+    patches = start.patches.with_more(guess[None], Profile.DOME)
+    fit = ESTIMATE.fitter(start.model, patches, moved_px, weight, is_sheet_known=True, with_covariance=False)
+    assert np.abs(fit.patches.own[0] - guess).max() > 0.1
+
+
+@pytest.mark.slow
+def test_a_ring_is_found_where_the_numbers_of_the_pad_are_not_exact() -> None:
+    """Radial shear and the parameters of the pad nearly explain its images by a third of its size."""
+    (case,) = (each for each in pads("pads") if each.name == "ring")
+    true = true_pad(case)
+    state, sheet = ESTIMATE.start(with_usual_deviations(true)), true.sheet
+    assert sheet is not None
+    for number in range(3):
+        state, _, contacts = ESTIMATE.step(state, grid_of(case, number))
+        (one,) = contacts.touching
+        assert one.normal_force_over_E_mm2 == pytest.approx(true_mm2(case, number), rel=0.3)
+
+
+def with_usual_deviations(sensor: Sensor) -> Sensor:
+    sheet = sensor.sheet
+    assert sheet is not None
+    std = {
+        "thickness_std_mm": NOMINAL_STD["thickness_mm"] * sheet.thickness_mm,
+        "poisson_std": NOMINAL_STD["poisson"],
+        "marker_depth_std_mm": NOMINAL_STD["marker_depth_mm"],
+    }
+    return replace(sensor, sheet=replace(sheet, **std))
 
 
 def test_a_punch_that_sticks_is_not_taken_for_a_weak_ring() -> None:

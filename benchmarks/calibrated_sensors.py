@@ -1,19 +1,39 @@
-"""What `calibrate rest` and `calibrate sheet` find of the sheets of the accuracy suite (ADR 111).
+"""What `calibrate rest` and `calibrate sheet` find of the sheets and pads of the suite (ADR 111, 114).
 
-    .venv/bin/python benchmarks/calibrated_sheets.py [--only SHEET ...]
+    .venv/bin/python benchmarks/calibrated_sensors.py [--only NAME ...]
 
 Each sheet is given with the errors of the group `drawn` and pressed as in the group `calibrated`: a line for
-each with the numbers found over the true ones, and their errors in standard deviations. Three minutes on a
-quiet machine.
+each with the numbers found over the true ones, and their errors in standard deviations. Pads have the errors
+and the presses of `pads_calibrated`; only E is found. Four minutes on a quiet machine.
 """
 
 import argparse
 
+from manytouch.evaluation.suite.calibrated.pad_sensor import calibrated_pad, calibration_presses
 from manytouch.evaluation.suite.calibrated.sheet_sensor import calibrated_sensor
+from manytouch.evaluation.suite.pads.cases import PADS
 from manytouch.evaluation.suite.varied.sheets import SHEETS
+
+NAMES = [*SHEETS, *PADS]
 
 
 def line(name: str) -> str:
+    """What was found of a sheet or pad."""
+    return pad_line(name) if name in PADS else sheet_line(name)
+
+
+def pad_line(name: str) -> str:
+    true_MPa, found = calibration_presses(name)[0].young_MPa, calibrated_pad(name).sheet
+    assert found is not None
+    assert found.young_MPa is not None
+    assert found.young_std_MPa is not None
+    return (
+        f"{name:6} E {found.young_MPa / true_MPa:.3f}, "
+        f"error {(found.young_MPa - true_MPa) / found.young_std_MPa:+.1f} std"
+    )
+
+
+def sheet_line(name: str) -> str:
     true, found = SHEETS[name], calibrated_sensor(name).sheet
     assert found is not None
     assert found.young_MPa is not None
@@ -39,7 +59,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--only", nargs="+", choices=list(SHEETS), default=list(SHEETS), help="sheets")
+    parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES, help="sheets and pads")
     for name in parser.parse_args().only:
         print(line(name), flush=True)
 
