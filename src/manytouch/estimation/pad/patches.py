@@ -14,7 +14,7 @@ from manytouch.values.arrays import Mask, Points2, read_only
 _WIDER = 2.5
 """Root of a guess over that of a contact that explains the images badly.
 
-A ring of 4 mm on a pad of 3 mm is found with each of ten sensor files with 2 and 2.5, and with nine with 3."""
+A ring of 4 mm on a pad of 3 mm is found with each of ten sensor files with 2 and 2.5, with nine with 3."""
 _NEAR = 3.0  # distance of centres over the sum of the mean roots, from which on contacts do not overlap
 
 

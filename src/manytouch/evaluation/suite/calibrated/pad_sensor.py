@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 
 from manytouch.calibration.rest.calibrate import calibrate_rest
+from manytouch.calibration.sheet.fit import KnownPress
 from manytouch.calibration.sheet.pad import calibrate_pad
 from manytouch.calibration.sheet.press_plan import BONDED_SHARE, CONTACT_RADIUS_MM, PLACE_SHARE, TIP_RADIUS_MM
 from manytouch.calibration.sheet.press_table import PressRow, known_press, track_presses
@@ -100,7 +101,8 @@ def calibrated_pad(pad: str) -> Sensor:
     Args:
         pad: of `PADS`.
     """
-    known, sensor = [], None
+    known: list[KnownPress] = []
+    sensor: Sensor | None = None
     for case in calibration_presses(pad):
         _, frames, _ = simulate_pad(case)
         if sensor is None:
