@@ -15,7 +15,7 @@ from manytouch.geometry.camera import onto_plane, project
 from manytouch.geometry.refraction import rest_px
 from manytouch.geometry.surface_sampling import SurfaceSampler, sampler_on
 from manytouch.paper.aligned_view import optical_centre_mm
-from manytouch.paper.perimeters import (
+from manytouch.paper.quads import (
     Formula,
     MarkerQuads,
     Padding,
@@ -87,8 +87,8 @@ class PaperEstimation:
     """Depth of every marker by equation 11, the surface between them, and its peaks as contacts.
 
     Attributes:
-        formula: what of the markers' quads is compared (`paper.perimeters.Formula`).
-        padding: depth of the markers at the edge (`paper.perimeters.Padding`).
+        formula: what of the markers' quads is compared (`paper.quads.Formula`).
+        padding: depth of the markers at the edge (`paper.quads.Padding`).
         interpolation: of the surface; contacts are its peaks on a plane of iterations x iterations points,
             and only the deepest point within the search radius is a contact.
         contact_depth_pitch: a peak of the surface is a contact if it is deeper than this.

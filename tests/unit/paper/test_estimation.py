@@ -14,7 +14,7 @@ from manytouch.geometry.inverse_distance import inverse_distance_plane
 from manytouch.geometry.surface_sampling import sample
 from manytouch.paper.detection import PaperDetection
 from manytouch.paper.estimation import PaperEstimation
-from manytouch.paper.perimeters import Formula, marker_quads, measure
+from manytouch.paper.quads import Formula, marker_quads, measure
 from manytouch.paper.surface import peaks
 from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline

@@ -10,7 +10,7 @@ import numpy as np
 
 from manytouch.calibration.marker_tracks import track_markers
 from manytouch.calibration.rest.register_rest import register_rest
-from manytouch.calibration.sheet.press_table import REST_FRAMES, PressRow
+from manytouch.calibration.sheet.press_table import UNTOUCHED_FRAMES, PressRow
 from manytouch.errors import OutputError, SensorError
 from manytouch.sources.source import Source, evenly_timed_ns
 from manytouch.values import Frame, Sensor
@@ -57,7 +57,7 @@ class CameraPresses:
         )
         self._saved = 0
         prompt("release the sheet, then press Enter: ")
-        self._rest = self._next_frames(REST_FRAMES)
+        self._rest = self._next_frames(UNTOUCHED_FRAMES)
         self._sensor = register_rest(sensor, self._rest)
         self._save(self._rest)
 

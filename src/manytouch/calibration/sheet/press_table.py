@@ -24,7 +24,7 @@ TILTED = ("weight_N", "tilt_x_deg", "tilt_y_deg")
 """Columns of weights that stand on a tilted sensor, instead of `normal_force_N`."""
 REQUIRED = ("input", "x_mm", "y_mm")
 MAX_TILT_DEG = 60.0
-REST_FRAMES = 10
+UNTOUCHED_FRAMES = 10
 HELD_S = 0.2
 LEAST_NOISE_PX = 0.01
 
@@ -189,13 +189,13 @@ class PressRecording:
 
 
 def track_presses(sensor: Sensor, frames: Sequence[Frame]) -> PressRecording:
-    """Track the markers of a recording whose first `REST_FRAMES` frames are untouched.
+    """Track the markers of a recording whose first `UNTOUCHED_FRAMES` frames are untouched.
 
     Raises:
         LayoutError: the markers were not found.
     """
-    tracks = track_markers(register_rest(sensor, frames[:REST_FRAMES]), frames)
-    first = np.arange(len(tracks.timestamp_ns)) < REST_FRAMES
+    tracks = track_markers(register_rest(sensor, frames[:UNTOUCHED_FRAMES]), frames)
+    first = np.arange(len(tracks.timestamp_ns)) < UNTOUCHED_FRAMES
     noise = centre_noise_px(tracks.position_px[first])
     noise = noise[np.isfinite(noise)]
     return PressRecording(

@@ -14,7 +14,7 @@ import numpy as np
 
 from manytouch.blas_threads import limit_blas_threads
 from manytouch.errors import SensorError
-from manytouch.estimation.bonded import BondedEstimator
+from manytouch.estimation.bonded_protocol import BondedEstimator
 from manytouch.estimation.contact_tracker import ContactTracker
 from manytouch.estimation.mechanics.clusters.evidence import ForcePosterior
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, ForceClusters

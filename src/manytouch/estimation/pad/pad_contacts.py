@@ -132,9 +132,9 @@ class PadContacts:
         clusters = _clusters(model, fit)
         return [self._contact(model, fit, shape, clusters, number) for number in range(len(fit.patches))]
 
-    def _unexplained(self, share: float, strain: float, root: float) -> float:
+    def _unexplained(self, share: float, strain: float, width: float) -> float:
         """Relative deviation that the model does not explain, for lengths in thicknesses."""
-        return float(np.linalg.norm((share, self.large_strain * strain, 0.5 * self.wide * root**2)))
+        return float(np.linalg.norm((share, self.large_strain * strain, 0.5 * self.wide * width**2)))
 
     def surface_covariance(
         self, model: ObservedPad, fit: PadFit, found: Sequence[Contact], shape: PadShape, is_seen: Mask
@@ -174,18 +174,18 @@ class PadContacts:
         covariance += by_sheet @ by_sheet.T
         footprint = _on_pad(self.footprints(clusters, number, model.pitch_mm), model)
         area_mm2 = footprint.area_mm2
-        trace = float(np.sqrt(own[2] ** 2 + own[3] ** 2 + own[4] ** 2))
-        place_mm = np.hypot(self.position_pitch * model.pitch_mm, self.position_root * trace)
+        root_trace_mm = float(np.sqrt(own[2] ** 2 + own[3] ** 2 + own[4] ** 2))
+        place_mm = np.hypot(self.position_pitch * model.pitch_mm, self.position_root * root_trace_mm)
         std = np.zeros(len(ESTIMATES))
         std[:2] = place_mm
-        strain, root = depth_mm / model.thickness_mm, trace / model.thickness_mm
-        depth_share = self._unexplained(self.depth_share, strain, root)
+        strain, width = depth_mm / model.thickness_mm, root_trace_mm / model.thickness_mm
+        depth_share = self._unexplained(self.depth_share, strain, width)
         std[_DEPTH] = np.hypot(depth_share * depth_mm, self.depth_pitch * model.pitch_mm)
         std[_FORCES] = (
             self.shear_share * press_mm2,
             self.shear_share * press_mm2,
-            press_mm2 * self._unexplained(self.force_share, strain, root),
-            self.torque_share * press_mm2 * trace,
+            press_mm2 * self._unexplained(self.force_share, strain, width),
+            self.torque_share * press_mm2 * root_trace_mm,
         )
         covariance += np.diag(std**2)
         covariance[_AREA, _AREA] = footprint.area_std_mm2**2 + (self.area_share * area_mm2) ** 2

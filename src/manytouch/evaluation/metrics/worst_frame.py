@@ -11,6 +11,7 @@ from manytouch.evaluation.metrics.depth import depth_samples
 from manytouch.evaluation.metrics.markers import own_numbers
 from manytouch.evaluation.metrics.matching import assigned, gates_of
 from manytouch.evaluation.records.record import EvaluationRecord, subset
+from manytouch.values.images.grey_levels import to_8_bits
 
 WIDEST_PX = 900
 
@@ -94,7 +95,6 @@ def _small(picture: np.ndarray | None) -> np.ndarray | None:
     """Grey or colour, 8 bit, at most 900 px wide."""
     if picture is None:
         return None
-    eight = picture if picture.dtype == np.uint8 else (picture >> 8).astype(np.uint8)
     share = min(1.0, WIDEST_PX / picture.shape[1])
     size = (round(picture.shape[1] * share), round(picture.shape[0] * share))
-    return np.asarray(cv2.resize(eight, size, interpolation=cv2.INTER_AREA))
+    return np.asarray(cv2.resize(to_8_bits(picture), size, interpolation=cv2.INTER_AREA))

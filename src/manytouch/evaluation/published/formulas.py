@@ -12,7 +12,7 @@ from jaxtyping import Float64
 
 from manytouch.geometry.camera import onto_plane
 from manytouch.paper.estimation import PaperEstimation, perimeter_depth
-from manytouch.paper.perimeters import Formula
+from manytouch.paper.quads import Formula
 from manytouch.sources.simulated import SimulatedSource, simulated_source
 from manytouch.values import Layout
 

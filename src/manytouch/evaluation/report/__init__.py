@@ -1,4 +1,4 @@
-"""The report of an evaluation: one HTML page with figures as inline SVG, and `report.json`.
+"""The report of an evaluation: one HTML page with charts as inline SVG, and `report.json`.
 
-Figures of merit are computed in `metrics`; here they are rated, drawn and written.
+The errors are computed in `metrics`; here they are rated, drawn and written.
 """

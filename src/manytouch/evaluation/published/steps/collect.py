@@ -11,7 +11,7 @@ from manytouch.geometry.camera import onto_plane
 from manytouch.geometry.inverse_distance import AT_MARKER, plane_of
 from manytouch.paper.detection import DetectionStages, PaperDetection, PaperDetectionState
 from manytouch.paper.estimation import PaperEstimation, PaperEstimationState, perimeter_depth
-from manytouch.paper.perimeters import Formula, corner_values
+from manytouch.paper.quads import Formula, corner_values
 from manytouch.session.prepare import Job
 from manytouch.session.run import NoObserver, Observer, StopCondition
 from manytouch.values import Reading, Status

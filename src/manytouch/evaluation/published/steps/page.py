@@ -13,7 +13,7 @@ from manytouch.evaluation.published.steps.pictures import draw_steps
 from manytouch.evaluation.report.page import require_packages
 from manytouch.paper.detection import PaperDetection
 from manytouch.paper.estimation import PaperEstimation
-from manytouch.paper.perimeters import corner_values, measure
+from manytouch.paper.quads import corner_values, measure
 from manytouch.paper.tracking import PaperTracking
 from manytouch.sinks.files.atomic_output import atomic_file, check_writable
 from manytouch.values import Status

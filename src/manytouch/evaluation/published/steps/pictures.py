@@ -10,8 +10,9 @@ import numpy as np
 
 from manytouch.evaluation.published.steps.collect import PaperSteps
 from manytouch.geometry.inverse_distance import plane_of
-from manytouch.paper.perimeters import corner_values
+from manytouch.paper.quads import corner_values
 from manytouch.sinks.files.atomic_output import atomic_file
+from manytouch.values.images.grey_levels import to_8_bits
 from manytouch.values.surface import INVERSE_DISTANCE
 
 DOTS_PER_INCH = 110
@@ -69,8 +70,7 @@ def _show(axes: Any, image: np.ndarray, title: str) -> None:
 def _image8(image: np.ndarray | None) -> np.ndarray:
     """The camera's image in RGB or grey, 8 bits."""
     assert image is not None
-    if image.dtype == np.uint16:
-        image = (image >> 8).astype(np.uint8)
+    image = to_8_bits(image)
     return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
 
 
