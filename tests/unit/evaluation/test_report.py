@@ -295,8 +295,9 @@ def test_the_careful_method_is_best_and_the_rash_one_poor(evaluation: Evaluation
 
 def test_a_separation_never_reached_is_poor_and_without_pairs_is_not_given() -> None:
     line = next(line for line in METRICS if line.section == "separation")
-    never = cell(line, {"separation": {"pairs": 4, line.key: None}}, "mm")
-    none = cell(line, {"separation": {"pairs": 0, line.key: None}}, "mm")
+    of_ratio = line.key.replace("from_mm", "pairs")
+    never = cell(line, {"separation": {"pairs": 4, of_ratio: 4, line.key: None}}, "mm")
+    none = cell(line, {"separation": {"pairs": 4, of_ratio: 0, line.key: None}}, "mm")  # of another ratio
     assert (never.text, never.verdict) == ("never", "poor")
     assert (none.text, none.verdict) == ("not given", "none")
 

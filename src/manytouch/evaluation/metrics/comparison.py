@@ -166,11 +166,7 @@ def figures(comparison: MethodErrors) -> Figures:
         "contacts": contact_figures(comparison.contacts),
         "force": force_figures(comparison.contacts),
         "region": region_figures(comparison.contacts),
-        "separation": {"pairs": len(comparison.separation.is_resolved)}
-        | {
-            f"from_mm_at_1_to_{ratio:g}": separation_curve(comparison.separation, ratio).from_mm
-            for ratio in RATIOS
-        },
+        "separation": _separation_figures(comparison.separation),
         "latency": latency_figures(comparison.milliseconds),
         "calibration": {
             name: None if found is None else asdict(found)
@@ -180,6 +176,16 @@ def figures(comparison: MethodErrors) -> Figures:
             name: None if found is None else asdict(found)
             for name, found in coverages(comparison.contacts).items()
         },
+    }
+
+
+def _separation_figures(samples: SeparationSamples) -> dict[str, Any]:
+    """Frames with two contacts, all and those of each force ratio, and the distance that resolves these."""
+    by_ratio = {f"{ratio:g}": separation_curve(samples, ratio) for ratio in RATIOS}
+    return {
+        "pairs": len(samples.is_resolved),
+        **{f"pairs_at_1_to_{ratio}": sum(curve.frames) for ratio, curve in by_ratio.items()},
+        **{f"from_mm_at_1_to_{ratio}": curve.from_mm for ratio, curve in by_ratio.items()},
     }
 
 

@@ -72,10 +72,15 @@ def table(data: dict[str, Any], section: str) -> list[Row]:
 def cell(line: MetricSpec, figured: dict[str, Any], unit: LengthUnit) -> Cell:
     """A figure with its verdict; a separation that is never reached is poor, not missing."""
     value = found(line, figured)
-    if line.section == "separation" and not np.isfinite(value) and figured["separation"]["pairs"]:
+    if line.section == "separation" and not np.isfinite(value) and _pairs(line, figured):
         return Cell(text="never", verdict="poor", sign=SIGNS["poor"])
     word = verdict(line, value, unit)
     return Cell(text=written(line, value, unit), verdict=word, sign=SIGNS[word])
+
+
+def _pairs(line: MetricSpec, figured: dict[str, Any]) -> int:
+    """Frames with two contacts of the force ratio of a line."""
+    return int(figured["separation"][line.key.replace("from_mm", "pairs")])
 
 
 def limits(line: MetricSpec, unit: LengthUnit) -> str:
