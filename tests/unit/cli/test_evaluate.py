@@ -130,9 +130,9 @@ def test_without_options_every_method_reads_every_case(
     chosen: list[tuple[Case, ...]] = []
     monkeypatch.setattr(runner, "run_suite", recorded_run(chosen))
     assert run("--out", str(tmp_path)) == 0
-    assert len(chosen[0]) == 542
+    assert len(chosen[0]) == 564
     assert written[0].methods == METHODS
-    assert solved == [(542, user_cache())]
+    assert solved == [(564, user_cache())]
 
 
 def test_two_folders_are_compared(
