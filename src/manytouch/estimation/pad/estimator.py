@@ -16,7 +16,7 @@ from manytouch.blas_threads import limit_blas_threads
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
 from manytouch.estimation.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
 from manytouch.estimation.outlier_gate import OutlierGate
-from manytouch.estimation.pad.image_error import ImageError
+from manytouch.estimation.pad.image_error import ImageError, MeasuredImages
 from manytouch.estimation.pad.pad_contacts import PadContacts, PadShape, pad_shape
 from manytouch.estimation.pad.pad_model import MIN_MARKERS, NominalPad, ObservedPad
 from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter, misfit_scale, tractions
@@ -37,7 +37,7 @@ from manytouch.geometry.neighbours import Neighbours, nearest_neighbours
 from manytouch.geometry.refraction import rest_px
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values import Contact, Contacts, Sensor, Status, Surface, TrackedGrid
-from manytouch.values.arrays import Points2, Points3, Scalars, read_only
+from manytouch.values.arrays import Points2, Points3, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -75,23 +75,6 @@ class PadState:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _Measured:
-    """The marker images of a frame.
-
-    Attributes:
-        moved_px: (m, 2) displacements, 0 where not seen.
-        gate: (m,) weights of the markers.
-        noise_px2: (m,) variances along an axis.
-        around: (m, m) weights of the markers around each.
-    """
-
-    moved_px: Points2
-    gate: Scalars
-    noise_px2: Scalars
-    around: Float64[np.ndarray, "m m"]
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PadEstimator:
     """Contacts and shape of a bonded pad.
 
@@ -114,7 +97,8 @@ class PadEstimator:
             it, from which it is accepted at once; for a further contact, as in `start_gain`.
         start_stds, last_stds: least normal force of a contact that starts and of one that lasts, in standard
             deviations by noise and priors. Where all markers may have stayed displaced by an earlier press,
-            force or depth must also be `last_stds` of the deviations that are reported.
+            force or depth must also be `last_stds` of the deviations that are reported. The only contact on a
+            pad whose markers are displaced locally needs no force: it is certain, and its force is not.
         least_depth: least depth of a contact, in thicknesses.
         retry_misfit: ratio of the misfit to that of the frame in which another contact or profile was last
             tried in vain, from which one is tried again.
@@ -186,24 +170,24 @@ class PadEstimator:
             status = Status.FEW_MARKERS if grid.status is Status.OK else grid.status
             tracks, contacts = self.contact_tracker.step(state.tracks, (), status=status)
             return replace(state, tracks=tracks), unknown_surface(model.layout, status), contacts
-        fit, refused_misfit = self._frame(state, grid)
+        measured, touch = self._measured(state, grid), state.touch
+        fit, refused_misfit = self._frame(state, measured)
         shape = pad_shape(model, fit)
         found = self.pad_contacts(model, fit, shape)
-        touch, may_be_kept = self._remembered(state, grid)
+        if grid.status is Status.OK:
+            touch = self.local_motion.remember(touch, measured.local_pitch)
+        may_be_kept = measured.local_pitch <= self.local_motion.kept(touch)
         is_kept = np.array([may_be_kept and not self._is_clear(contact) for contact in found], dtype=np.bool_)
         if is_kept.any():
-            fit = self._fit(
-                model,
-                fit.patches.without(np.flatnonzero(is_kept)),
-                self._measured(state, grid),
-                fit.marker_mm(model),
-            )
+            others = fit.patches.without(np.flatnonzero(is_kept))
+            fit = self._fit(model, others, measured, fit.marker_mm(model))
             refused_misfit, shape = fit.misfit, pad_shape(model, fit)
             found = self.pad_contacts(model, fit, shape)
         least_mm = self.least_depth * model.thickness_mm
         force_std_mm2 = np.sqrt(misfit_scale(fit)) * fit.force_std_mm2
+        start_stds = self.start_stds if self._last_stds(fit.patches, measured) > 0.0 else 0.0
         may_start = [
-            bool(not contact.depth_mm < least_mm and force >= self.start_stds * std)
+            bool(not contact.depth_mm < least_mm and force >= start_stds * std)
             for contact, force, std in zip(found, fit.force_mm2, force_std_mm2, strict=True)
         ]
         tracks, contacts = self.contact_tracker.step(
@@ -230,16 +214,6 @@ class PadEstimator:
             after = replace(after, reference_px=reference_px)
         return after, self._surface(model, fit, found, shape, grid), contacts
 
-    def _remembered(self, state: PadState, grid: TrackedGrid) -> tuple[TouchMemory, bool]:
-        """Local motions with those of a frame, and whether they may all be what the pad keeps of a press."""
-        mm_per_px = state.model.pitch_mm / state.model.pitch_px
-        moved_mm = mm_per_px * (grid.position_px - state.reference_px)
-        largest = float(self.local_motion(state.groups, moved_mm, grid.is_seen).max())
-        memory = state.touch
-        if grid.status is Status.OK:
-            memory = self.local_motion.remember(memory, largest)
-        return memory, largest <= self.local_motion.kept(memory)
-
     def _is_clear(self, contact: Contact) -> bool:
         """Whether force or depth of a contact are more than their deviations."""
         is_deep = contact.depth_mm >= self.last_stds * contact.std("depth")
@@ -247,11 +221,15 @@ class PadEstimator:
 
     def fit_frame(self, state: PadState, grid: TrackedGrid) -> PadFit:
         """The contacts of the next frame."""
-        return self._frame(state, grid)[0]
+        return self._frame(state, self._measured(state, grid))[0]
 
-    def _frame(self, state: PadState, grid: TrackedGrid) -> tuple[PadFit, float]:
+    def _last_stds(self, patches: Patches, measured: MeasuredImages) -> float:
+        """`last_stds`; 0 for the only contact on a touched pad, which is one also if its force is unclear."""
+        return 0.0 if measured.is_touched and len(patches) == 1 else self.last_stds
+
+    def _frame(self, state: PadState, measured: MeasuredImages) -> tuple[PadFit, float]:
         """The contacts of the next frame, and `PadState.refused_misfit`."""
-        model, measured = state.model, self._measured(state, grid)
+        model = state.model
         fit = self._pruned(model, self._fit(model, state.patches, measured, state.displacement_mm), measured)
         refused_misfit = state.refused_misfit
         for _ in range(2 * self.max_contacts):  # a contact, and its profile
@@ -272,14 +250,14 @@ class PadEstimator:
             )
         return fit, refused_misfit
 
-    def _with_profile(self, model: ObservedPad, fit: PadFit, measured: _Measured) -> PadFit | None:
+    def _with_profile(self, model: ObservedPad, fit: PadFit, measured: MeasuredImages) -> PadFit | None:
         """The fit with another profile of a wide contact, or with near ones as one, where that is better."""
         if not self.profile_choice.applies(model, fit.patches):
             return None
         linear_px, _ = self._images(model, measured, fit.marker_mm(model))
         return self.profile_choice(model, self.fitter, fit, linear_px)
 
-    def _longer(self, state: PadState, fit: PadFit, measured: _Measured) -> PadFit | None:
+    def _longer(self, state: PadState, fit: PadFit, measured: MeasuredImages) -> PadFit | None:
         """The fit with one contact more or a wider one, where that explains the images better."""
         model = state.model
         guess, gain = self.search(state.candidates, fit.residual_px, fit.weight)
@@ -294,13 +272,13 @@ class PadEstimator:
         return longer
 
     def _if_better(
-        self, model: ObservedPad, fit: PadFit, patches: Patches, measured: _Measured
+        self, model: ObservedPad, fit: PadFit, patches: Patches, measured: MeasuredImages
     ) -> PadFit | None:
         """The fit of guesses, unless a contact is not clear or the misfit does not fall by enough."""
         images = self._images(model, measured, fit.marker_mm(model))
         first = self.fitter(model, patches, *images, is_sheet_known=True, with_covariance=False)
         found = self._fit(model, first.patches, measured, first.marker_mm(model))
-        if np.any(found.force_mm2 <= self.last_stds * found.force_std_mm2):
+        if np.any(found.force_mm2 <= self._last_stds(patches, measured) * found.force_std_mm2):
             return None
         # with the weights before the contact, which lack the model's error for it, the gain must be clear
         # a first contact is better than none, also where the model explains it badly
@@ -311,7 +289,7 @@ class PadEstimator:
         same = self.fitter(model, fit.patches, linear_px, found.weight)
         return found if same.misfit - found.misfit >= self.start_gain * unexplained else None
 
-    def _measured(self, state: PadState, grid: TrackedGrid) -> _Measured:
+    def _measured(self, state: PadState, grid: TrackedGrid) -> MeasuredImages:
         moved_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
         linear_px = np.einsum("mij,mj->mi", state.model.slope_px, state.displacement_mm)
         noise_px2 = np.where(grid.is_seen, 0.5 * np.trace(grid.covariance_px2, axis1=1, axis2=2), 1.0)
@@ -325,9 +303,21 @@ class PadEstimator:
                 for innovation_px in (moved_px - linear_px, moved_px)
             )
         )
-        return _Measured(moved_px=moved_px, gate=gate, noise_px2=noise_px2, around=state.around)
+        moved_mm = state.model.pitch_mm / state.model.pitch_px * moved_px
+        local_pitch = float(self.local_motion(state.groups, moved_mm, grid.is_seen).max())
+        noise_pitch = float(np.sqrt(np.median(noise_px2[grid.is_seen]))) / state.model.pitch_px
+        return MeasuredImages(
+            moved_px=moved_px,
+            gate=gate,
+            noise_px2=noise_px2,
+            around=state.around,
+            local_pitch=local_pitch,
+            is_touched=local_pitch > self.local_motion.limits(state.touch, noise_pitch)[1],
+        )
 
-    def _fit(self, model: ObservedPad, patches: Patches, measured: _Measured, moved_mm: Points3) -> PadFit:
+    def _fit(
+        self, model: ObservedPad, patches: Patches, measured: MeasuredImages, moved_mm: Points3
+    ) -> PadFit:
         """Patches for guesses, first with the weights for displacements (m, 3) of the markers.
 
         The parameters of the pad are fitted last: before, they would explain what is wrong with the guesses.
@@ -346,7 +336,7 @@ class PadEstimator:
         return self.fitter(model, patches, *images)
 
     def _images(
-        self, model: ObservedPad, measured: _Measured, moved_mm: Points3
+        self, model: ObservedPad, measured: MeasuredImages, moved_mm: Points3
     ) -> tuple[Float64[np.ndarray, " r"], Float64[np.ndarray, " r"]]:
         """(2 m,) displacements without what is not linear in those (m, 3) of the markers; their weights."""
         linear_px = np.einsum("mij,mj->mi", model.slope_px, moved_mm)
@@ -355,12 +345,13 @@ class PadEstimator:
         weight = np.repeat(measured.gate / (measured.noise_px2 + error_px2), 2)
         return (measured.moved_px - curved_px).ravel(), weight
 
-    def _pruned(self, model: ObservedPad, fit: PadFit, measured: _Measured) -> PadFit:
+    def _pruned(self, model: ObservedPad, fit: PadFit, measured: MeasuredImages) -> PadFit:
         """The fit without contacts that are not significant, and with near ones as one if that is enough."""
         while len(fit.patches) > 0:
             stds = fit.force_mm2 / fit.force_std_mm2
             weakest = int(np.argmin(stds))
-            if stds[weakest] >= self.last_stds and len(fit.patches) <= self.max_contacts:
+            least_stds = self._last_stds(fit.patches, measured)
+            if stds[weakest] >= least_stds and len(fit.patches) <= self.max_contacts:
                 break
             rest = fit.patches.without(weakest)
             fit = self._fit(model, rest, measured, fit.marker_mm(model))

@@ -1,4 +1,4 @@
-"""What the linear model of a pad does not explain of the marker images."""
+"""The measured marker images of a frame, and what the linear model of a pad does not explain of them."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,28 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.pad.pad_model import ObservedPad
-from manytouch.values.arrays import Scalars, read_only
+from manytouch.values.arrays import Points2, Scalars, read_only
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class MeasuredImages:
+    """The marker images of a frame.
+
+    Attributes:
+        moved_px: (m, 2) displacements, 0 where not seen.
+        gate: (m,) weights of the markers.
+        noise_px2: (m,) variances along an axis.
+        around: (m, m) weights of the markers around each.
+        local_pitch: largest local motion, in pitches.
+        is_touched: whether that is more than noise and what the pad keeps of earlier presses.
+    """
+
+    moved_px: Points2
+    gate: Scalars
+    noise_px2: Scalars
+    around: Float64[np.ndarray, "m m"]
+    local_pitch: float
+    is_touched: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -12,9 +12,8 @@ from manytouch.estimation.pad.patch_kernels import SHAPE, Profile
 from manytouch.values.arrays import Mask, Points2, read_only
 
 _WIDER = 2.5
-"""Root of a guess over that of a contact that explains the images badly.
-
-A ring of 4 mm on a pad of 3 mm is found with each of ten sensor files with 2 and 2.5, with nine with 3."""
+"""Root of a guess over that of a contact that explains the images badly; chosen on one ring, in
+`test_patch_search.py`."""
 _NEAR = 3.0  # distance of centres over the sum of the mean roots, from which on contacts do not overlap
 
 

@@ -109,6 +109,18 @@ def test_two_contacts_are_two(pad_state: PadState) -> None:
     assert away.min(axis=1).max() < 0.4
 
 
+def test_the_only_contact_on_a_touched_pad_needs_no_clear_force(pad_state: PadState) -> None:
+    """Displaced markers show that something presses, also where they hardly show how hard."""
+    strict = PadEstimator(start_stds=1e3, last_stds=1e3)
+    touched = grid_at(pressed_px(pad_state, ONE), noise_px=0.01, seed=0)
+    state, _, first = strict.step(pad_state, touched)
+    _, _, then = strict.step(state, touched)
+    assert len(first.touching) == len(then.touching) == 1
+    hardly = ONE * np.where(np.arange(10) < 5, 1.0, 0.02)  # displacements as small as those of noise
+    _, _, none = strict.step(pad_state, grid_at(pressed_px(pad_state, hardly), noise_px=0.01, seed=0))
+    assert not none.touching
+
+
 def test_a_contact_keeps_its_identity_and_ends(pad_state: PadState) -> None:
     state, _, first = steps(pad_state, pressed_px(pad_state, ONE))
     moved = ONE.copy()
