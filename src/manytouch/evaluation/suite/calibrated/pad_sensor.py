@@ -8,9 +8,9 @@ import numpy as np
 from manytouch.calibration.rest.calibrate import calibrate_rest
 from manytouch.calibration.sheet.fit import KnownPress
 from manytouch.calibration.sheet.pad import calibrate_pad
-from manytouch.calibration.sheet.press_plan import BONDED_SHARE, CONTACT_RADIUS_MM, PLACE_SHARE, TIP_RADIUS_MM
-from manytouch.calibration.sheet.press_table import PressRow, known_press, track_presses
-from manytouch.evaluation.suite.cases import HOLD_FRAMES, REST_FRAMES
+from manytouch.calibration.sheet.press_plan import BONDED_SHARE, PLACE_SHARE, TIP_RADIUS_MM
+from manytouch.evaluation.suite.calibrated.held_presses import held_presses
+from manytouch.evaluation.suite.cases import REST_FRAMES
 from manytouch.evaluation.suite.pads.cases import PADS, WIDTH_PX, OwnPadCase
 from manytouch.evaluation.suite.pads.pad_sensors import NOMINAL_STD, true_pad
 from manytouch.evaluation.suite.pads.presses import PadPress, one
@@ -107,18 +107,13 @@ def calibrated_pad(pad: str) -> Sensor:
         _, frames, _ = simulate_pad(case)
         if sensor is None:
             sensor = calibrate_rest(drawn_pad(case), frames[:REST_FRAMES]).sensor
-        recording = track_presses(sensor, frames)
-        for number, (_, face) in enumerate(pad_states(case)):
-            middle = REST_FRAMES + HOLD_FRAMES * (number + 0.5) - 0.5
-            row = PressRow(
-                line=len(known) + 1,
-                input=case.name,
-                time_s=middle / FPS,
-                x_mm=case.press.bodies[0].at_mm[0],
-                y_mm=case.press.bodies[0].at_mm[1],
-                radius_mm=CONTACT_RADIUS_MM,
-                force_N=float(face.contacts[0].normal_force_N),
-            )
-            known.append(known_press(recording, row))
+        known += held_presses(
+            sensor,
+            frames,
+            name=case.name,
+            fps=FPS,
+            at_mm=case.press.bodies[0].at_mm,
+            forces_N=[float(face.contacts[0].normal_force_N) for _, face in pad_states(case)],
+        )
     assert sensor is not None
     return replace(sensor, sheet=calibrate_pad(sensor, known).sheet)

@@ -9,9 +9,9 @@ import numpy as np
 from manytouch.calibration.rest.calibrate import calibrate_rest
 from manytouch.calibration.sheet.calibrate import calibrate_sheet
 from manytouch.calibration.sheet.fit import KnownPress
-from manytouch.calibration.sheet.press_plan import CONTACT_RADIUS_MM, PLACE_SHARE, TIP_RADIUS_MM
-from manytouch.calibration.sheet.press_table import PressRow, known_press, track_presses
-from manytouch.evaluation.suite.cases import HOLD_FRAMES, REST_FRAMES
+from manytouch.calibration.sheet.press_plan import PLACE_SHARE, TIP_RADIUS_MM
+from manytouch.evaluation.suite.calibrated.held_presses import held_presses
+from manytouch.evaluation.suite.cases import REST_FRAMES
 from manytouch.evaluation.suite.sensors import true_sensor, with_all_dots
 from manytouch.evaluation.suite.solutions import Solutions
 from manytouch.evaluation.suite.varied.cases import SHARES, VariedCase
@@ -77,19 +77,9 @@ def calibrated_sensor(sheet: str) -> Sensor:
         if sensor is None:
             given = drawn_sensor(case, with_all_dots(true_sensor(case)))
             sensor = calibrate_rest(given, frames[:REST_FRAMES]).sensor
-        recording = track_presses(sensor, frames)
-        for state, force_N in enumerate(forces_N):
-            middle = REST_FRAMES + HOLD_FRAMES * (state + 0.5) - 0.5
-            row = PressRow(
-                line=len(known) + 1,
-                input=case.name,
-                time_s=middle / FPS,
-                x_mm=case.presses[0].at_mm[0],
-                y_mm=case.presses[0].at_mm[1],
-                radius_mm=CONTACT_RADIUS_MM,
-                force_N=force_N,
-            )
-            known.append(known_press(recording, row))
+        known += held_presses(
+            sensor, frames, name=case.name, fps=FPS, at_mm=case.presses[0].at_mm, forces_N=forces_N
+        )
     assert sensor is not None
     return replace(sensor, sheet=calibrate_sheet(sensor, known).sheet)
 
