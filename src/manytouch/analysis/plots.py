@@ -6,7 +6,7 @@ import numpy as np
 
 from manytouch.analysis.read_results import Results
 from manytouch.errors import ManytouchError, SensorError, require_type
-from manytouch.sinks.surface_grid import surface_grid
+from manytouch.sinks.display_grid import display_grid
 from manytouch.values import Reading, Sensor
 from manytouch.values.display.drawing import CONTACT, LABEL, axes_or_new
 
@@ -50,7 +50,7 @@ def plot_surface(reading: Reading, axes: Optional["Axes"] = None, *, unit: str =
     layout = reading.surface.layout
     if layout is None:
         raise SensorError("a surface without a layout cannot be drawn: take it from a reading")
-    grid = surface_grid(layout)
+    grid = display_grid(layout)
     depth_mm = grid.sampler.depth(reading.surface)
     drawn = axes.pcolormesh(grid.x_mm, grid.y_mm, depth_mm, cmap="cividis", shading="gouraud")
     for contact in reading.contacts.touching:

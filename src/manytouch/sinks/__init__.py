@@ -2,5 +2,6 @@
 
 A sink has `write(reading)` and `close()` (`pipeline.Sink`); which ones a run uses is decided in
 `manytouch.session`. Not sinks, but what several of them share, are `contact_outlines` (pictures, viewer),
-`clear_forces` (summary, pictures) and `surface_grid` (pictures, exports).
+`clear_forces` (summary, pictures) and `display_grid` (pictures, files, exports, viewer, publishers, and
+`analysis`).
 """

@@ -16,7 +16,7 @@ from manytouch.geometry.surface_sampling import sampler_on
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.render.dot_ellipses import dot_ellipses, outlines
-from manytouch.sinks.surface_grid import surface_grid
+from manytouch.sinks.display_grid import display_grid
 from manytouch.values import TrackedGrid
 from manytouch.values.arrays import read_only
 
@@ -80,7 +80,7 @@ def test_the_strain_of_a_solid_lies_within_its_deviations(tmp_path: Path) -> Non
     assert sensor.layout is not None
     edge_mm = outlines(sensor.layout.rest_mm, sensor.layout.radius_mm)
     draw, state = PosteriorSamples(sensor), estimate.start(sensor)
-    surface_points = surface_grid(sensor.layout)
+    surface_points = display_grid(sensor.layout)
     sampler = surface_points.sampler
     for seed, solid in enumerate(states):
         moved_mm = solid.displacement_mm(np.ascontiguousarray(edge_mm.reshape(-1, 3)[:, :2]))

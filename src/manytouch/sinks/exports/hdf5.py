@@ -17,10 +17,10 @@ import pyarrow as pa
 
 from manytouch.errors import MissingExtraError
 from manytouch.recording.reader import Recording
+from manytouch.sinks.display_grid import display_grid
 from manytouch.sinks.exports.parquet import attributes_of, description, tables
 from manytouch.sinks.exports.readings import frames_of, readings_of
 from manytouch.sinks.files.sensor_description import layout_of
-from manytouch.sinks.surface_grid import surface_grid
 
 FRAMES_PER_CHUNK = 8
 COMPRESSION = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
@@ -65,7 +65,7 @@ def _put_table(group: Any, table: pa.Table) -> None:
 
 def _put_surface(group: Any, recording: Recording) -> None:
     sensor = recording.sensor
-    unit, grid = sensor.length_unit, surface_grid(layout_of(sensor))
+    unit, grid = sensor.length_unit, display_grid(layout_of(sensor))
     shape = (len(grid.y_mm), len(grid.x_mm))
     for name, values in ((f"x_{unit}", grid.x_mm), (f"y_{unit}", grid.y_mm)):
         scale = group.create_dataset(name, data=values)

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from manytouch.errors import MissingExtraError
+from manytouch.sinks.display_grid import DisplayGrid, display_grid
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.sensor_description import layout_of
 from manytouch.sinks.files.tables import time_s
-from manytouch.sinks.surface_grid import SurfaceGrid, surface_grid
 from manytouch.values import Reading, Sensor
 
 FRAMES_PER_CHUNK = 16
@@ -37,7 +37,7 @@ class SurfaceStore:
     def __init__(self, folder: Path, sensor: Sensor) -> None:
         require_zarr()
         self._unit = sensor.length_unit
-        grid = surface_grid(layout_of(sensor))
+        grid = display_grid(layout_of(sensor))
         self._sampler = grid.sampler
         self._path = folder / "surface.zarr"
         self._pending: list[tuple[int, float, dict[str, np.ndarray]]] = []
@@ -79,7 +79,7 @@ class SurfaceStore:
                 array.append(np.stack([fields[name] for fields in found]).astype(np.float32))
         self._pending = []
 
-    def _create(self, sensor: Sensor, grid: SurfaceGrid) -> None:
+    def _create(self, sensor: Sensor, grid: DisplayGrid) -> None:
         """Create the empty arrays."""
         import zarr
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from manytouch.errors import MissingExtraError
+from manytouch.sinks.display_grid import display_grid
 from manytouch.sinks.files.atomic_output import atomic_file
 from manytouch.sinks.files.sensor_description import layout_of
 from manytouch.sinks.pictures.annotate import Annotator
-from manytouch.sinks.surface_grid import surface_grid
 from manytouch.values import Contact, Reading, Sensor
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ class SurfacePicture:
         if find_spec("matplotlib") is None:
             raise MissingExtraError("a picture of the surface", "matplotlib", "lab")
         self._sensor = sensor
-        self._grid = surface_grid(layout_of(sensor))
+        self._grid = display_grid(layout_of(sensor))
         self._annotate = Annotator(sensor)
 
     def save(self, reading: Reading, path: Path) -> Path:

@@ -21,10 +21,10 @@ from manytouch.geometry.surface_sampling import SurfaceSampler, sampler_on
 from manytouch.pipeline import Controls
 from manytouch.recording import CALIBRATION, CAMERA, READING, SURFACE, TRANSFORM
 from manytouch.recording.messages import camera_messages, surface_message
+from manytouch.sinks.display_grid import grid_corners
 from manytouch.sinks.publishers.address import OutputAddress
 from manytouch.sinks.publishers.images import ImageTurns, encoded_image
 from manytouch.sinks.recorder import started_unix_ns
-from manytouch.sinks.surface_grid import grid_corners
 from manytouch.values import Layout, Reading, Sensor
 
 PORT = 8765

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from manytouch.pipeline import Controls
+from manytouch.sinks.display_grid import grid_corners
 from manytouch.sinks.publishers.address import OutputAddress
-from manytouch.sinks.surface_grid import grid_corners
 from manytouch.values import Contact, Reading, Sensor
 
 FORCE_N, DEPTH_PITCH = 10.0, 1.0

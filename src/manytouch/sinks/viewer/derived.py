@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool
 from scipy.spatial import cKDTree
 
-from manytouch.sinks.surface_grid import SurfaceGrid
+from manytouch.sinks.display_grid import DisplayGrid
 from manytouch.sinks.viewer.update_format import number
 from manytouch.values import ESTIMATES, Contact, Layout
 from manytouch.values.arrays import Mask
@@ -43,7 +43,7 @@ def total_load(contacts: Sequence[Contact]) -> dict[str, Any] | None:
     }
 
 
-def marker_support(layout: Layout, grid: SurfaceGrid) -> Callable[[Mask], Bool[np.ndarray, "ny nx"]]:
+def marker_support(layout: Layout, grid: DisplayGrid) -> Callable[[Mask], Bool[np.ndarray, "ny nx"]]:
     """A function from which markers are seen (m,) to where on a grid (ny, nx) one of them is near."""
     scale = 1.0 / (SUPPORT_PITCH * layout.pitch_mm)
     present = np.flatnonzero(~layout.is_missing)

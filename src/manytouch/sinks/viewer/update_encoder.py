@@ -35,8 +35,8 @@ import numpy as np
 
 from manytouch.geometry.surface_sampling import sampler_on
 from manytouch.sinks.contact_outlines import Polygon, outlines_px
+from manytouch.sinks.display_grid import DisplayGrid, grid_corners
 from manytouch.sinks.files.sensor_description import estimated_pretension, layout_of, rest_px
-from manytouch.sinks.surface_grid import SurfaceGrid, grid_corners
 from manytouch.sinks.viewer.derived import marker_support, total_load
 from manytouch.sinks.viewer.health import ImageQuality, residual_mm
 from manytouch.sinks.viewer.recent_contacts import row_of
@@ -200,7 +200,7 @@ class UpdateEncoder:
         return None
 
 
-def viewer_grid(layout: Layout) -> SurfaceGrid:
+def viewer_grid(layout: Layout) -> DisplayGrid:
     """A grid over the markers and half a pitch beyond, 100 x 60 points on a sheet of 5 : 3."""
     low, high = grid_corners(layout)
     side = high - low
@@ -209,7 +209,7 @@ def viewer_grid(layout: Layout) -> SurfaceGrid:
     ).astype(int)
     count[int(np.argmax(side))] = LONG_SIDE_POINTS
     x_mm, y_mm = (np.linspace(low[axis], high[axis], count[axis]) for axis in (0, 1))
-    return SurfaceGrid(x_mm=x_mm, y_mm=y_mm, sampler=sampler_on(layout, x_mm, y_mm))
+    return DisplayGrid(x_mm=x_mm, y_mm=y_mm, sampler=sampler_on(layout, x_mm, y_mm))
 
 
 def encode_jpeg(image: np.ndarray) -> bytes:

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from manytouch.sinks.display_grid import display_grid
 from manytouch.sinks.files.surface_store import SurfaceStore
-from manytouch.sinks.surface_grid import surface_grid
 
 
 def test_depth_map_reproduces_a_plane_and_covers_the_markers(sensor, reading_of):
@@ -14,7 +14,7 @@ def test_depth_map_reproduces_a_plane_and_covers_the_markers(sensor, reading_of)
     rest = sensor.layout.rest_mm
     displacement = np.zeros_like(rest)
     displacement[:, 2] = -(1.0 + 0.05 * rest[:, 0] - 0.1 * rest[:, 1])
-    grid = surface_grid(sensor.layout)
+    grid = display_grid(sensor.layout)
     depth = grid.sampler.depth(dataclasses.replace(reading.surface, displacement_mm=displacement))
     x, y = np.meshgrid(grid.x_mm, grid.y_mm)
     assert depth.shape == (len(grid.y_mm), len(grid.x_mm))
@@ -24,7 +24,7 @@ def test_depth_map_reproduces_a_plane_and_covers_the_markers(sensor, reading_of)
 
 
 def test_depth_map_is_not_known_around_an_unseen_marker_only(sensor, reading_of):
-    grid = surface_grid(sensor.layout)
+    grid = display_grid(sensor.layout)
     depth = grid.sampler.depth(reading_of(0, unseen=(10,), depth_mm=0.5).surface)
     x, y = np.meshgrid(grid.x_mm, grid.y_mm)
     unknown = sensor.layout.rest_mm[[9, 10]]
@@ -35,7 +35,7 @@ def test_depth_map_is_not_known_around_an_unseen_marker_only(sensor, reading_of)
 
 def test_depth_map_of_nothing_is_not_known(sensor, reading_of):
     assert np.isnan(
-        surface_grid(sensor.layout).sampler.depth(reading_of(0, unseen=tuple(range(24))).surface)
+        display_grid(sensor.layout).sampler.depth(reading_of(0, unseen=tuple(range(24))).surface)
     ).all()
 
 

@@ -13,7 +13,7 @@ POINTS_PER_PITCH = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class SurfaceGrid:
+class DisplayGrid:
     """An even grid over the markers and half a pitch beyond.
 
     Attributes:
@@ -26,7 +26,7 @@ class SurfaceGrid:
     sampler: SurfaceSampler
 
 
-def surface_grid(layout: Layout) -> SurfaceGrid:
+def display_grid(layout: Layout) -> DisplayGrid:
     """A grid with `POINTS_PER_PITCH` points per pitch."""
     low, high = grid_corners(layout)
     step = float(np.sqrt(np.prod(layout.pitch_mm))) / POINTS_PER_PITCH
@@ -34,7 +34,7 @@ def surface_grid(layout: Layout) -> SurfaceGrid:
         np.linspace(begin, end, max(int(np.ceil((end - begin) / step)) + 1, 2))
         for begin, end in zip(low, high, strict=True)
     )
-    return SurfaceGrid(x_mm=x_mm, y_mm=y_mm, sampler=sampler_on(layout, x_mm, y_mm))
+    return DisplayGrid(x_mm=x_mm, y_mm=y_mm, sampler=sampler_on(layout, x_mm, y_mm))
 
 
 def grid_corners(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
