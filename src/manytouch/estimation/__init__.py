@@ -12,7 +12,7 @@ from manytouch.estimation.mechanics.estimator import MechanicsEstimator
 from manytouch.estimation.pad.estimator import PadEstimator
 from manytouch.estimation.perimeter.estimator import PerimeterEstimator
 from manytouch.estimation.perimeter.marker_surface import MarkerSurface
-from manytouch.estimation.perimeter.view_motion import RigidMotionEstimator
+from manytouch.estimation.perimeter.rigid_motion import RigidMotionEstimator
 
 __all__ = [
     "ContactFinder",

@@ -20,7 +20,7 @@ _RANK = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ViewMotion:
-    """Parameters of the fit.
+    """Estimates the motion of the image from the markers next to the clamp; parameters of its fit.
 
     Attributes:
         rim_pitch: markers within this distance of the clamp are used, in pitches.

@@ -47,7 +47,8 @@ class LawErrors(NamedTuple):
         neighbour: (k, m) neighbours of each marker.
         slope, curvature: (k, m) weights of a neighbour's depth minus the marker's own in the two errors.
         noise_factor: factor of the variance that noise adds to slope and curvature, which is subtracted.
-        spill: multiple of the mean square of the map that is added to what the map shows at a marker.
+        spill: multiple of the mean square of all depths (mm²) that is added to what the depths at and around
+            a marker show; the sum limits the variance of its error.
         scale_std: relative standard deviation of all depths.
     """
 

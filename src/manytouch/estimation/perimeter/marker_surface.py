@@ -20,8 +20,8 @@ from manytouch.estimation.contact_finder import MarkerMotion
 from manytouch.estimation.perimeter.interpolation import MarkerInterpolation
 from manytouch.estimation.perimeter.law import PerimeterLaw, perimeter_law
 from manytouch.estimation.perimeter.law_inputs import LawErrors
+from manytouch.estimation.perimeter.rigid_motion import RigidMotionEstimator
 from manytouch.estimation.perimeter.surface_inputs import SurfaceInputs
-from manytouch.estimation.perimeter.view_motion import RigidMotionEstimator
 from manytouch.geometry.camera import cam_from_sheet, onto_plane
 from manytouch.geometry.neighbours import Neighbours, lattice_cells, nearest_neighbours, triangle_cells
 from manytouch.geometry.plane_table import plane_from_px, plane_table
@@ -55,7 +55,9 @@ class MarkerSurface:
         interpolation: of markers that are not seen.
         noise_factor: factor of the variance that noise adds to slope and curvature of the depth. It is above
             1 because cells share their markers.
-        spill: effect of a deep press on the depth around it, as a multiple of the mean square of the map.
+        spill: of the mean square of all marker depths, added in mm² to what the depths around a marker show,
+            which limits the variance of its error (`law_error_variances`): a deep press also falsifies the
+            depths of markers that show little.
         assumed_scale_std: relative standard deviation of the depth where the field of view was assumed.
     """
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from manytouch.estimation.perimeter.view_motion import RigidMotion, RigidMotionEstimator
+from manytouch.estimation.perimeter.rigid_motion import RigidMotion, RigidMotionEstimator
 
 ROWS, COLUMNS = 9, 14
 PLACE = np.stack(np.meshgrid(np.arange(COLUMNS) * 4.0 - 26.0, np.arange(ROWS) * 5.0 - 20.0), axis=-1).reshape(
