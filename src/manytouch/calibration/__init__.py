@@ -2,9 +2,9 @@
 deviations.
 
 Inside are the camera (`camera`), pose, layout and noise of the untouched sheet (`rest`), its outline in
-the image (`outline`) and the mechanics of the sheet (`sheet`). `untouched` is what `manytouch calibrate rest`
-runs: it chooses frames of a recording for `rest`, which selects those at rest, or, of several cameras on one
-sheet, for `views`. Reading results of a calibrated sensor is not inside: that is estimation.
+the image (`outline`) and the mechanics of the sheet (`sheet`). `sensor_at_rest` is what `manytouch calibrate
+rest` runs: it chooses frames of a recording for `rest`, which selects those at rest, or, of several cameras
+on one sheet, for `views`. Reading results of a calibrated sensor is not inside: that is estimation.
 """
 
 from manytouch.calibration.rest.assumed_sensor import sensor_from_rest

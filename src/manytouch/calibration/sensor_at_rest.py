@@ -1,4 +1,4 @@
-"""Calibration of a sensor whose sheet is untouched, with one camera or with several.
+"""Calibration of a sensor whose sheet is at rest, with one camera or with several.
 
 A recording may begin touched, so frames at rest are searched in the whole of it, as `process` does.
 """
@@ -11,7 +11,7 @@ import numpy as np
 
 from manytouch.calibration.marker_tracks import track_markers
 from manytouch.calibration.outline.pad_outline import pad_of
-from manytouch.calibration.rest.calibrate import MAX_DRIFT_PITCHES, calibrate_rest, register_untouched
+from manytouch.calibration.rest.calibrate import REST_MOTION_PITCHES, calibrate_rest, layout_and_rest
 from manytouch.calibration.rest.rest_calibration import with_provenance
 from manytouch.calibration.rest.rest_report import describe
 from manytouch.calibration.rest.whole_recording import RestDoubt, rest_of_recording
@@ -62,7 +62,7 @@ def candidate_frames(
         known: with a camera; a pad needs its [sheet].
         source: the recording; it is read up to twice more.
         first: its first frames.
-        pitch_mm, sheet, roi_px: see `calibrate_untouched`.
+        pitch_mm, sheet, roi_px: see `calibrate_sensor_at_rest`.
 
     Raises:
         SensorError, LayoutError: see `calibrate_rest`.
@@ -71,7 +71,7 @@ def candidate_frames(
     if not is_recording or known.camera.views:
         return CandidateFrames(frames=first)
     known = replace(known, sheet=known.sheet if sheet is None else sheet)
-    _, registered = register_untouched(known, first, pitch_mm=pitch_mm, roi_px=roi_px)
+    _, registered = layout_and_rest(known, first, pitch_mm=pitch_mm, roi_px=roi_px)
     settled = rest_of_recording(registered, source, frame_count=source.frame_count, roi_px=roi_px)
     doubts = (DOUBTFUL_FRAMES,) if settled.doubt is RestDoubt.EQUALLY_COMMON else ()
     if not settled.still_frames:
@@ -80,7 +80,7 @@ def candidate_frames(
     assert found.layout is not None
     assert registered.layout is not None
     at_px, first_px = rest_px(found, found.layout), rest_px(registered, registered.layout)
-    limit_px = MAX_DRIFT_PITCHES * float(np.median(local_spacing(at_px[np.isfinite(at_px[:, 0])])))
+    limit_px = REST_MOTION_PITCHES * float(np.median(local_spacing(at_px[np.isfinite(at_px[:, 0])])))
     motion_px = track_markers(found, first, roi_px).motion_px(at_px)
     begins_touched = bool(motion_px[0] > limit_px)
     if not begins_touched and np.nanmax(np.linalg.norm(first_px - at_px, axis=1)) <= limit_px:
@@ -99,7 +99,7 @@ def candidate_frames(
     return CandidateFrames(frames=frames, notes=(note,), doubts=doubts)
 
 
-def calibrate_untouched(
+def calibrate_sensor_at_rest(
     known: Sensor,
     frames: Sequence[Frame],
     name: str,
@@ -114,7 +114,7 @@ def calibrate_untouched(
 
     Args:
         known: with a camera, or several; a pad needs its [sheet].
-        frames: of the untouched sensor, such as from `candidate_frames`.
+        frames: of the sensor at rest, such as from `candidate_frames`.
         name: of the recording, for the provenance.
         pitch_mm, roi_px: see `calibrate_rest`; no effect with several cameras, as the
             command refuses them there.

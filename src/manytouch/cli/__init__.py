@@ -59,7 +59,7 @@ COMMANDS = {
         "Write recordings in the formats of other programs; without an option, list the formats.",
     ),
     "simulate": ("simulate:simulate", "Simulate a scene file; write images, sensor file and ground truth."),
-    "calibrate": ("calibrate:app", "Calibrate camera, layout and sheet."),
+    "calibrate": ("calibrate:app", "Calibrate camera, rest and sheet."),
     "design": (
         "design:design",
         "Choose sheet, markers and camera position; write a sensor file and printable parts.",

@@ -1,4 +1,4 @@
-"""`manytouch calibrate`: camera, layout and sheet."""
+"""`manytouch calibrate`: camera, rest and sheet."""
 
 import time
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from manytouch.cli.terminal.failures import usage_error, usage_errors
 if TYPE_CHECKING:
     from manytouch.calibration.camera.board_views import ViewCollection
 
-app = App(name="calibrate", help="Calibrate camera, layout and sheet.")
+app = App(name="calibrate", help="Calibrate camera, rest and sheet.")
 
 PROGRESS_EVERY_S = 2.0
 CANDIDATE_FRAMES = 90
@@ -34,7 +34,8 @@ def camera(
         Parameter(
             metavar="KIND:CxR",
             help="chessboard:9x6 (inner corners), charuco:8x6 (squares), circles:9x6 or "
-            "circles-asymmetric:4x11.",
+            "circles-asymmetric:4x11. The markers of charuco are of DICT_4X4_250; others are named at the "
+            "end, as in charuco:8x6:DICT_5X5_100.",
         ),
     ],
     square_mm: Annotated[
@@ -144,7 +145,7 @@ def rest(
     """
     from rich.console import Console
 
-    from manytouch.calibration.untouched import calibrate_untouched, candidate_frames, stated_sheet
+    from manytouch.calibration.sensor_at_rest import calibrate_sensor_at_rest, candidate_frames, stated_sheet
     from manytouch.cli.terminal.console import Steps
     from manytouch.sinks.files.atomic_output import check_file_writable
     from manytouch.sources import closing_source, open_source
@@ -176,7 +177,7 @@ def rest(
         steps.step_reporter()("finding the markers, the frames at rest and the pose of the sheet")
         name = ", ".join(Path(part).name for part in views_of(source))
         candidates = candidate_frames(known, frames, first, pitch_mm=pitch_mm, sheet=sheet, roi_px=roi)
-        lines, calibrated = calibrate_untouched(
+        lines, calibrated = calibrate_sensor_at_rest(
             known,
             candidates.frames,
             name,

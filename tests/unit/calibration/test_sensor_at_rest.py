@@ -10,9 +10,9 @@ import pytest
 from clips import COLUMNS, HEIGHT_PX, PITCH_PX, ROWS, WIDTH_PX
 from drawn_source import DrawnSource, drawn
 from layouts import lattice_layout
-from manytouch.calibration import untouched
+from manytouch.calibration import sensor_at_rest
 from manytouch.calibration.rest.whole_recording import RestDoubt, SettledRest
-from manytouch.calibration.untouched import calibrate_untouched, candidate_frames, stated_sheet
+from manytouch.calibration.sensor_at_rest import calibrate_sensor_at_rest, candidate_frames, stated_sheet
 from manytouch.errors import SensorError
 from manytouch.session.prepare import prepare
 from manytouch.simulation.demo_sensor import demo_sensor
@@ -99,14 +99,16 @@ def test_a_recording_that_begins_pressed_is_calibrated_where_it_is_at_rest(
 ) -> None:
     source = begins_pressed(160, press_of)
     first = list(islice(source, 90))
-    _, of_first = calibrate_untouched(gel(**provenance), first, "press.mp4")
+    _, of_first = calibrate_sensor_at_rest(gel(**provenance), first, "press.mp4")
     assert error_px(of_first) > 5.0
     found = candidate_frames(gel(**provenance), source, first)
     assert all(press_of(frame.index) == 0.0 for frame in found.frames)
     (note,) = found.notes
     assert "begins touched" in note
     assert not found.doubts
-    lines, sensor = calibrate_untouched(gel(**provenance), found.frames, "press.mp4", doubts=found.doubts)
+    lines, sensor = calibrate_sensor_at_rest(
+        gel(**provenance), found.frames, "press.mp4", doubts=found.doubts
+    )
     assert error_px(sensor) < 0.2
     assert any(f"of the frames {found.frames[0].index} to {found.frames[-1].index}" in line for line in lines)
 
@@ -126,13 +128,13 @@ def test_two_arrangements_as_common_as_each_other_are_a_warning_of_the_file(
     def doubtful(sensor: Sensor, *_: object, **__: object) -> SettledRest:
         return SettledRest(sensor=sensor, doubt=RestDoubt.EQUALLY_COMMON)
 
-    monkeypatch.setattr(untouched, "rest_of_recording", doubtful)
+    monkeypatch.setattr(sensor_at_rest, "rest_of_recording", doubtful)
     source = begins_pressed(20, lambda _: 0.0)
     found = candidate_frames(gel(), source, first := list(source))
     assert found.frames is first
     (doubt,) = found.doubts
     assert "about as common" in doubt
-    _, sensor = calibrate_untouched(gel(), found.frames, "press.mp4", doubts=found.doubts)
+    _, sensor = calibrate_sensor_at_rest(gel(), found.frames, "press.mp4", doubts=found.doubts)
     warnings = sensor.provenance["rest_warnings"]
     assert isinstance(warnings, list)
     assert doubt in warnings

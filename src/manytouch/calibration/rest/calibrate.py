@@ -24,18 +24,27 @@ from manytouch.tracking.lattice.find import local_spacing
 from manytouch.values import Camera, Frame, Layout, Roi, Sensor, Sheet
 from manytouch.values.arrays import Points2, read_only
 
+# All of these limits are choices; none was fitted to recordings.
 SEEN_SHARE = 0.5
 """A marker that is seen in a smaller share of the frames is treated as missing."""
-MAX_DRIFT_PITCHES = 0.02
-"""A marker that moves farther during the recording gives a warning."""
+LEAST_MARKERS = 6
+"""Fewer markers are refused: the six numbers of a pose need three, and as many more show their error."""
+REST_MOTION_PITCHES = 0.02
+"""A frame whose markers are farther from rest is not at rest (0.08 mm at a pitch of 4 mm)."""
 MAX_MOTION_OVER_MEDIAN = 3.0
 """A frame whose markers move more than this multiple of the median over the frames at rest is left out."""
+MAX_DRIFT_PITCHES = 0.02
+"""A marker that moves farther from the first to the last of the frames used gives a warning."""
 MAX_RESIDUAL_PITCHES = 0.02
 """A larger RMS residual from a flat lattice gives a warning."""
 MAX_DISTANCE_ERROR = 0.03
-"""A larger relative difference from the distance in the sensor file gives a warning."""
+"""A larger relative difference from the distance in the sensor file gives a warning: ten times the default
+standard deviation of a distance (`values.sensor_file.default_std`)."""
 MIN_CONTRAST_GREY = 25.0
 """A lower contrast of the markers, in grey levels of 255, gives a warning."""
+LEAST_NOISE_PX = 1e-3
+"""Smaller measured noise is that of equal pictures (stills, simulations without noise) and would give markers
+weights without limit."""
 
 
 def calibrate_rest(
@@ -66,44 +75,46 @@ def calibrate_rest(
     Raises:
         SensorError: the scale is not known, a required outline is not visible, or the sensor does not fit
             the frames.
-        LayoutError: no markers, no lattice, or fewer than half of those of the layout were found.
+        LayoutError: no markers, no lattice, or fewer than half of those of the layout were found; fewer than
+            `LEAST_MARKERS` were seen in at least half of the frames; or none in `LEAST_FRAMES` frames, which
+            its noise needs.
     """
     sensor = replace(sensor, sheet=sheet if sheet is not None else sensor.sheet)
-    laid, registered = register_untouched(sensor, frames, pitch_mm=pitch_mm, roi_px=roi_px)
-    layout, pad = laid.layout, pad_of(sensor)
+    with_layout, registered = layout_and_rest(sensor, frames, pitch_mm=pitch_mm, roi_px=roi_px)
+    layout, pad = with_layout.layout, pad_of(sensor)
     assert layout is not None
     if layout.polarity == "auto":
         assert registered.layout is not None
         polarity, weights = registered.layout.polarity, registered.layout.colour_weights
         layout = replace(layout, polarity=polarity, colour_weights=weights)
-    every = track_markers(registered, frames, roi_px)
-    motion_px, at_rest = _frames_at_rest(every, registered)
-    seen = every.of(at_rest)
-    frames = [frame for frame, is_used in zip(frames, at_rest, strict=True) if is_used]
+    all_tracks = track_markers(registered, frames, roi_px)
+    motion_px, at_rest = _frames_at_rest(all_tracks, registered)
+    seen = all_tracks.of(at_rest)
+    frames = [frame for frame, is_still in zip(frames, at_rest, strict=True) if is_still]
     share = seen.is_seen.mean(axis=0)
     is_missing = share < SEEN_SHARE
-    if int((~is_missing).sum()) < 6:
+    if int((~is_missing).sum()) < LEAST_MARKERS:
         raise LayoutError(
             f"only {int((~is_missing).sum())} of {len(is_missing)} markers were seen in most frames: check "
             "light and focus"
         )
     place_px = seen.median_px(np.ones(len(seen.timestamp_ns), dtype=np.bool_))
-    there = ~is_missing & np.isfinite(place_px[:, 0])
-    camera, std = fit_pose(laid.camera, layout.rest_mm[there], place_px[there], pad)
-    std = np.hypot(std, pose_std_by_lens(camera, layout.rest_mm[there], pad))
+    is_used = ~is_missing & np.isfinite(place_px[:, 0])
+    camera, std = fit_pose(with_layout.camera, layout.rest_mm[is_used], place_px[is_used], pad)
+    std = np.hypot(std, pose_std_by_lens(camera, layout.rest_mm[is_used], pad))
     camera = replace(
         camera, rotation_vector_std=read_only(std[:3].copy()), translation_std_mm=read_only(std[3:].copy())
     )
-    px_per_mm = _px_per_mm(camera, sensor.sheet, place_px[there])
+    px_per_mm = _px_per_mm(camera, sensor.sheet, place_px[is_used])
     if sensor.layout is None:
-        layout = _with_measured_radius(layout, px_per_mm, seen, there)
+        layout = _with_measured_radius(layout, px_per_mm, seen, is_used)
     residual = np.full(place_px.shape, np.nan)
-    residual[there] = place_px[there] - _images(camera, sensor.sheet, layout.rest_mm[there])
-    noise = _noise_px(seen, there)
+    residual[is_used] = place_px[is_used] - _images(camera, sensor.sheet, layout.rest_mm[is_used])
+    noise = _noise_px(seen, is_used)
     found = replace(
-        laid,
+        with_layout,
         camera=camera,
-        layout=replace(layout, is_missing=read_only(~there), rest_px=read_only(place_px)),
+        layout=replace(layout, is_missing=read_only(~is_used), rest_px=read_only(place_px)),
         centre_noise_px=noise,
         assumptions=(),
     )
@@ -131,7 +142,7 @@ def calibrate_rest(
     )
 
 
-def register_untouched(
+def layout_and_rest(
     sensor: Sensor,
     frames: Sequence[Frame],
     *,
@@ -150,32 +161,35 @@ def register_untouched(
     if sensor.is_nominal and sensor.layout is not None and pitch_mm is not None:
         found = register_nominal(sensor, frames, pitch_mm=pitch_mm, roi_px=roi_px)
         return found, found
-    laid = sensor
+    with_layout = sensor
     if sensor.layout is None:
-        laid = _with_found_layout(sensor, frames, pitch_mm, roi_px)
+        with_layout = _with_found_layout(sensor, frames, pitch_mm, roi_px)
     elif pitch_mm is not None:
-        laid = replace(sensor, layout=_rescale(sensor.layout, pitch_mm))
+        with_layout = replace(sensor, layout=_rescale(sensor.layout, pitch_mm))
     try:
-        return laid, register_rest(laid, frames, roi_px=roi_px)
+        return with_layout, register_rest(with_layout, frames, roi_px=roi_px)
     except LayoutError:
         if not sensor.is_nominal:
             raise
-    found = register_nominal(laid, frames, roi_px=roi_px)
+    found = register_nominal(with_layout, frames, roi_px=roi_px)
     return found, found
 
 
 def _frames_at_rest(seen: MarkerTracks, registered: Sensor) -> tuple[np.ndarray, np.ndarray]:
-    """(k,) motion of the markers in px, and whether a frame is at rest; all if hardly any is."""
+    """(k,) motion of the markers in px, and (k,) whether a frame is at rest.
+
+    All frames are used if fewer than `LEAST_FRAMES` are at rest; then only the warning of a drift shows it.
+    """
     layout = registered.layout
     assert layout is not None
     at_px = rest_px(registered, layout)
     motion_px = seen.motion_px(at_px)
     pitch_px = float(np.median(local_spacing(at_px[np.isfinite(at_px[:, 0])])))
-    at_rest = motion_px <= MAX_DRIFT_PITCHES * pitch_px
+    at_rest = motion_px <= REST_MOTION_PITCHES * pitch_px
     if at_rest.sum() < LEAST_FRAMES:
         return motion_px, np.ones_like(at_rest)
     return motion_px, motion_px <= min(
-        MAX_MOTION_OVER_MEDIAN * float(np.median(motion_px[at_rest])), MAX_DRIFT_PITCHES * pitch_px
+        MAX_MOTION_OVER_MEDIAN * float(np.median(motion_px[at_rest])), REST_MOTION_PITCHES * pitch_px
     )
 
 
@@ -221,10 +235,10 @@ def _with_found_layout(
     middle = layout.row_column.max(axis=0) / 2
     rest = np.zeros((len(layout.rest_mm), 3))
     rest[:, :2] = ((layout.row_column - middle) * pitch[::-1])[:, ::-1]
-    there = ~layout.is_missing & np.isfinite(layout.rest_px[:, 0])
-    posed, _ = fit_pose(camera, rest[there], layout.rest_px[there], pad_of(sensor))
-    laid = replace(layout, rest_mm=read_only(rest), pitch_mm=read_only(pitch.copy()), rest_px=None)
-    return replace(sensor, camera=posed, layout=laid)
+    is_used = ~layout.is_missing & np.isfinite(layout.rest_px[:, 0])
+    posed, _ = fit_pose(camera, rest[is_used], layout.rest_px[is_used], pad_of(sensor))
+    layout = replace(layout, rest_mm=read_only(rest), pitch_mm=read_only(pitch.copy()), rest_px=None)
+    return replace(sensor, camera=posed, layout=layout)
 
 
 def _rescale(layout: Layout, pitch_mm: float | tuple[float, float]) -> Layout:
@@ -252,43 +266,45 @@ def _px_per_mm(camera: Camera, sheet: Sheet | None, place_px: Points2) -> float:
     return float(np.median(1.0 / np.sqrt(area_mm2)))
 
 
-def _with_measured_radius(layout: Layout, px_per_mm: float, seen: MarkerTracks, there: np.ndarray) -> Layout:
+def _with_measured_radius(
+    layout: Layout, px_per_mm: float, seen: MarkerTracks, is_used: np.ndarray
+) -> Layout:
     """The layout with the marker radius that follows from the areas of the dots."""
-    areas = seen.area_px2[:, there]
+    areas = seen.area_px2[:, is_used]
     if not np.isfinite(areas).any():
         return layout
     radius = float(np.sqrt(np.nanmedian(areas) / np.pi)) / px_per_mm
     return replace(layout, radius_mm=read_only(np.full(len(layout.rest_mm), radius)))
 
 
-def _noise_px(seen: MarkerTracks, there: np.ndarray) -> float:
+def _noise_px(seen: MarkerTracks, is_used: np.ndarray) -> float:
     """Median noise of the markers (`geometry.centre_noise`)."""
-    noise = centre_noise_px(seen.position_px[:, there])
+    noise = centre_noise_px(seen.position_px[:, is_used])
     noise = noise[np.isfinite(noise)]
     if len(noise) == 0:
         raise LayoutError(
             f"the noise of the markers needs at least {LEAST_FRAMES} frames in which they are seen"
         )
-    return max(float(np.median(noise)), 1e-3)
+    return max(float(np.median(noise)), LEAST_NOISE_PX)
 
 
 def _warnings(
     given: Sensor, found: Sensor, residual: np.ndarray, seen: MarkerTracks, px_per_mm: float
 ) -> Sequence[str]:
     """Warnings about the sheet, the markers and the light."""
-    there = np.isfinite(residual[:, 0])
+    is_used = np.isfinite(residual[:, 0])
     layout, camera = found.layout, found.camera
     assert layout is not None
     pitch_px = float(np.sqrt(np.prod(layout.pitch_mm))) * px_per_mm
     sentences = []
-    left = np.sqrt(np.nanmean(np.square(residual).sum(axis=1)))
-    if left > MAX_RESIDUAL_PITCHES * pitch_px:
+    rms_px = np.sqrt(np.nanmean(np.square(residual).sum(axis=1)))
+    if rms_px > MAX_RESIDUAL_PITCHES * pitch_px:
         sentences.append(
-            f"markers lie {left:.2f} px (RMS) off a flat lattice: calibrate the lens (manytouch calibrate "
+            f"markers lie {rms_px:.2f} px (RMS) off a flat lattice: calibrate the lens (manytouch calibrate "
             "camera, with views of a board), and check pitch_mm along x and y; what remains is a sheet "
             "that is not flat, which results allow for"
         )
-    lost = int((~there).sum()) - (int(given.layout.is_missing.sum()) if given.layout is not None else 0)
+    lost = int((~is_used).sum()) - (int(given.layout.is_missing.sum()) if given.layout is not None else 0)
     if lost > 0:
         sentences.append(f"{lost} markers were not seen and are treated as missing")
     drift = np.nanmax(np.linalg.norm(seen.position_px[-1] - seen.position_px[0], axis=1))
@@ -304,12 +320,12 @@ def _warnings(
             f"contrast"
         )
     if given.layout is not None:
-        nearer = float(given.camera.translation_mm[2]) / float(camera.translation_mm[2]) - 1.0
-        if abs(nearer) > MAX_DISTANCE_ERROR:
+        relative_change = float(given.camera.translation_mm[2]) / float(camera.translation_mm[2]) - 1.0
+        if abs(relative_change) > MAX_DISTANCE_ERROR:
             sentences.append(
-                f"the sheet is at a distance of {camera.translation_mm[2]:.1f} mm, {100 * abs(nearer):.0f} % "
-                f"{'nearer' if nearer > 0 else 'farther'} than in the sensor file: check pitch_mm "
-                f"({layout.pitch_mm[0]:g} mm) and the camera's calibration"
+                f"the sheet is at a distance of {camera.translation_mm[2]:.1f} mm, "
+                f"{100 * abs(relative_change):.0f} % {'nearer' if relative_change > 0 else 'farther'} than "
+                f"in the sensor file: check pitch_mm ({layout.pitch_mm[0]:g} mm) and the camera's calibration"
             )
     sentences += _border_warnings(found, px_per_mm)
     return sentences
@@ -319,11 +335,11 @@ def _focus_warnings(found: Sensor, frames: Sequence[Frame], roi_px: Roi | None) 
     """A warning if the dots are out of focus."""
     layout = found.layout
     assert layout is not None and layout.rest_px is not None  # noqa: PT018 - just found
-    there = ~layout.is_missing
+    is_used = ~layout.is_missing
     image = next(frame.image for frame in frames if frame.image is not None)
     weights = expected_appearance(found).weights(1 if image.ndim == 2 else image.shape[2])
-    radius_px = radius_in_image(found.camera, layout.rest_mm[there], layout.radius_mm[there])
-    edge_px = edge_width_px(image, weights, layout.rest_px[there], radius_px, roi_px=roi_px)
+    radius_px = radius_in_image(found.camera, layout.rest_mm[is_used], layout.radius_mm[is_used])
+    edge_px = edge_width_px(image, weights, layout.rest_px[is_used], radius_px, roi_px=roi_px)
     if not is_soft(edge_px, radius_px):
         return []
     return [f"the dots are out of focus: their edges are {edge_px:.1f} px wide; focus the lens on the sheet"]

@@ -18,7 +18,7 @@ class RestCalibration:
     Attributes:
         sensor: with pose and its deviations, layout, missing markers and noise; `rest_px` are the measured
             positions.
-        residual_px: (m, 2) of the markers from a flat sheet in this pose; NaN if missing.
+        residual_px: (m, 2) measured minus predicted markers of a flat sheet in this pose; NaN if missing.
         pose_std: (6,) deviations of the rotation vector (rad) and the translation (mm), also by the lens.
         noise_px: noise of a marker's centre (`geometry.centre_noise`), median of the markers.
         contrast: grey levels between markers and background.
