@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
-from manytouch.tracking.interpolation_weights import interpolation_weights
 from manytouch.tracking.lattice.find import find_lattice, predict_positions
+from manytouch.tracking.neighbour_prediction import interpolation_weights
 from manytouch.values.arrays import Mask, Points2, read_only
 
 PRESENT, MISSING, EXTERIOR_VISIBLE, EXTERIOR_HIDDEN = 0, 1, 2, 3
@@ -44,7 +44,8 @@ class GraphArrays(NamedTuple):
         neighbour: (k,) neighbours of all nodes, of each the nearest first.
         weight: (k,) of each of them in a fit, falling with distance.
         interpolation: (k,) coefficients that give a marker's displacement from all its neighbours', exact for
-            quadratic fields (affine ones at the outline).
+            quadratic fields, or for affine ones where few neighbours are present or a quadratic fit would
+            amplify noise; 0 of neighbours that are not present.
         is_interpolated: (N,) nodes that have such coefficients.
         opposite: (N, 4) adjacent nodes along the lattice: column before, after, row before, after; -1: none.
         shifted: (s, N) the node that each becomes after a shift; -1 beyond the exterior nodes. The first
@@ -201,6 +202,7 @@ def _neighbours(
     none = np.zeros(0, dtype=np.int64)
     if len(present) < 2:
         start = np.zeros(number + 1, dtype=np.int64)
+        # px; a choice: without neighbours no spacing is known, but gates are shares of it
         return np.full(number, 100.0), 100.0, start, start[:-1].copy(), none
     distance, index = cKDTree(points).query(points, k=near)
     distance, index = np.atleast_2d(distance)[:, 1:], np.atleast_2d(index)[:, 1:]

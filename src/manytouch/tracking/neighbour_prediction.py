@@ -1,14 +1,22 @@
-"""Coefficients that interpolate the displacement of a marker from those of its neighbours."""
+"""Coefficients that predict the displacement of a marker from its neighbours', to verify identities.
+
+The constants are choices, on which no recording was fitted.
+"""
 
 import numpy as np
 
 from manytouch.values.arrays import Mask, Points2
 
-_LEAST_QUADRATIC = 10
-_LEAST_AFFINE = 4
+_LEAST_QUADRATIC, _LEAST_AFFINE = 10, 4
+"""Least number of neighbours of a fit: more than its 6 or 3 unknowns, so that one false match does not
+determine it."""
 _MOST_NOISE_VARIANCE = 0.6
+"""Of a prediction, over the variance of one neighbour. Quadratic fits to a square lattice have 0.30 inside,
+0.59 at a straight side and 0.70 next to a corner; the affine fit at a corner has 1.3."""
 _RIDGE = 1e-9
-SOFTENING = 0.3
+"""Added to the diagonal of the normal matrix, which is singular for neighbours on one line."""
+_SOFTENING = 0.3
+"""Added to the squared distance in spacings, so that the nearest neighbours do not determine a fit alone."""
 
 
 def interpolation_weights(
@@ -16,8 +24,9 @@ def interpolation_weights(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Least-squares weights and interpolation coefficients of the neighbours of all nodes.
 
-    Fits to the present neighbours, weighted by 1 / (distance^2 + 0.3) in spacings: quadratic where this does
-    not amplify noise, else affine, else none (corners, thin strips).
+    Fits to the present neighbours, weighted by 1 / (distance^2 + `_SOFTENING`) in spacings: quadratic where
+    the squared coefficients, the variance of the prediction over that of one neighbour, add up to less than
+    `_MOST_NOISE_VARIANCE`, else affine where these do, else none (corners, thin strips).
 
     Args:
         points: (N, 2) nodes at rest.
@@ -26,12 +35,13 @@ def interpolation_weights(
         start, neighbour: (N + 1,) and (k,) of `GraphArrays`.
 
     Returns:
-        (k,) weights; (k,) coefficients; (N,) nodes that have coefficients.
+        (k,) weights; (k,) coefficients, 0 of neighbours that are not present; (N,) nodes that have
+        coefficients.
     """
     count = np.diff(start)
     node = np.repeat(np.arange(len(points)), count)
     away = (points[neighbour] - points[node]) / spacing_px[node][:, None]
-    weight = 1.0 / ((away**2).sum(axis=1) + SOFTENING)
+    weight = 1.0 / ((away**2).sum(axis=1) + _SOFTENING)
     interpolation = np.zeros(len(neighbour))
     is_interpolated = np.zeros(len(points), dtype=bool)
     if len(neighbour) == 0:

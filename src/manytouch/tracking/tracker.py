@@ -35,12 +35,18 @@ from manytouch.values.arrays import Counts, Points2, read_only
 if TYPE_CHECKING:
     from manytouch.tracking.state_update import Measurements
 
-_WINDOW_LIMIT_PITCHES = 0.3
+_MOST_MOTION_SPACINGS = 0.3
+"""After a larger motion this frame is searched again as a whole, as windows may miss dots. A choice: that
+of `slow_motion` in `frame_checks`, and above `window_motion_pitches`, which concerns the next frame."""
 _LEAST_LEARNED = 4  # frames: an appearance learned from fewer is mostly noise
 _LEARNING_RATE, _LEARN_ALL, _LEARN_EVERY = 0.05, 20, 4
 _WHOLE_DOT_RADII = 1.5
 _COUNT_TOLERANCE = 0.25
+"""Over the root of the number of markers; a choice: two standard deviations of the number seen if 1.6 % are
+hidden at random."""
 _INITIAL_PRESENCE = {PRESENT: 0.95, MISSING: 0.01, EXTERIOR_VISIBLE: 0.003, EXTERIOR_HIDDEN: 0.3}
+"""Assumed share of frames in which a node has a dot, before frames show it; choices: few markers are hidden,
+few empty nodes have a false dot, and what lies beyond the image is not known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -56,7 +62,8 @@ class MarkerTrackerState:
         presence: (N,) share of recent frames in which each node had a dot.
         seen_count: number of markers seen in the last frame that was matched.
         roughness: median second difference of displacements then, in spacings.
-        motion_pitches: motion that 95 % of the seen markers stayed below, in spacings; inf after a bad frame.
+        motion_spacings: motion that 95 % of the seen markers stayed below, in spacings; inf after a frame
+            without a match.
         is_consecutive: the last frame was matched.
         is_ambiguous: the view moved, unseen or too fast, so that identities may be shifted along the lattice,
             and neither outline nor irregularities have determined them since.
@@ -75,7 +82,7 @@ class MarkerTrackerState:
     presence: np.ndarray
     seen_count: int
     roughness: float
-    motion_pitches: float
+    motion_spacings: float
     is_consecutive: bool
     is_ambiguous: bool
     appearance: np.ndarray
@@ -105,8 +112,8 @@ class MarkerTracker:
 
     Attributes:
         damping: share of a marker's motion since the frame before that is expected again in the next one.
-        window_motion_pitches: largest motion of the markers per frame, in spacings of the pattern, after
-            which dots are searched in windows around their expected positions only.
+        window_motion_pitches: dots of the next frame are searched in windows around their expected positions
+            only, if 95 % of the markers moved by at most this in a frame, in spacings of the pattern.
         window_share: least share of the markers that must be seen in a frame so that the next one is
             searched in windows only.
         least_share: least share of the markers that must be seen; below it the status is few_markers.
@@ -114,6 +121,7 @@ class MarkerTracker:
     """
 
     damping: float = 0.5
+    # a published name; windows reach about a radius of a dot, 0.25 pitches of designed sheets (ADR 12)
     window_motion_pitches: float = 0.27
     window_share: float = 0.97
     least_share: float = 0.5
@@ -150,7 +158,7 @@ class MarkerTracker:
             presence=read_only(initial_presence[graph.arrays.kind]),
             seen_count=0,
             roughness=0.0,
-            motion_pitches=np.inf,
+            motion_spacings=np.inf,
             is_consecutive=False,
             is_ambiguous=False,
             appearance=read_only(np.full((len(rest), APPEARANCE_QUANTITIES), np.nan)),
@@ -194,7 +202,7 @@ class MarkerTracker:
 
     def expected_px(self, state: MarkerTrackerState) -> Points2 | None:
         """Expected positions (m, 2) in the next frame, NaN: known to be missing; None: search everywhere."""
-        is_fast = state.motion_pitches > self.window_motion_pitches
+        is_fast = state.motion_spacings > self.window_motion_pitches
         is_sparse = state.seen_count < self.window_share * state.graph.present_count
         return None if is_fast or is_sparse else state.expected_px
 
@@ -255,13 +263,13 @@ class MarkerTracker:
             presence=read_only(arrays.presence),
             seen_count=seen,
             roughness=match.roughness,
-            motion_pitches=motion,
+            motion_spacings=motion,
             is_consecutive=True,
             is_ambiguous=match.is_ambiguous,
             appearance=appearance,
             appearance_difference=difference,
             learned_frames=state.learned_frames + int(is_good),
-            needs_full_search=few or motion > _WINDOW_LIMIT_PITCHES,
+            needs_full_search=few or motion > _MOST_MOTION_SPACINGS,
         ), measured
 
 
@@ -291,7 +299,7 @@ def _state_without_match(state: MarkerTrackerState, match: FrameMatch) -> Marker
         state,
         expected_px=_without_missing(state.graph, state.position_px),
         frames_unseen=read_only(state.frames_unseen + 1),
-        motion_pitches=np.inf,
+        motion_spacings=np.inf,
         is_consecutive=False,
         is_ambiguous=match.is_ambiguous,
         needs_full_search=True,

@@ -10,10 +10,12 @@ from manytouch.tracking.matching.spatial_hash import build_grid, cells_within
 
 
 class TranslationParameters(NamedTuple):
-    """Attributes:
-    bins_per_spacing: resolution of the histogram.
-    reach: largest translation along x and y, in spacings.
-    peaks: most translations that are returned.
+    """Parameters of the vote.
+
+    Attributes:
+        bins_per_spacing: resolution of the histogram.
+        reach: largest translation along x and y, in spacings.
+        peaks: most translations that are returned.
     """
 
     bins_per_spacing: int = 10
