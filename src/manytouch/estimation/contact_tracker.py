@@ -15,6 +15,8 @@ from manytouch.errors import SensorError
 from manytouch.values import Contact, Contacts, Phase, Sensor, Status
 from manytouch.values.arrays import Mask, Points2
 
+_UNUSABLE_FRAMES = 10  # a choice: a frame that is not ok is no evidence that a contact has ended
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ContactTrack:
@@ -77,10 +79,11 @@ class ContactTracker:
         gate_pitch: largest distance that a contact moves from frame to frame, in pitches of the layout.
         gate_stds: this many standard deviations of its centre are added to that distance.
         confirm_frames: a contact starts when it was found in this many frames in a row.
-        bridge_frames: a contact may be missing for this many frames if something still loads the sheet there.
-        absorbed: a missing contact ends at once if another one has become one with it: the other has moved at
-            least this share of the way to the centre of their forces, and its force has increased by at least
-            this share of the missing one's.
+        bridge_frames: a contact that is not found lasts for this many frames if something still loads the
+            sheet there; ten times as many of frames whose status is not "ok", whatever loads the sheet.
+        absorbed: a contact that is not found ends at once if another one has become one with it: the other
+            has moved at least this share of the way to the centre of their forces, and its force has
+            increased by at least this share of that of the contact that is not found.
     """
 
     gate_pitch: float = 2.0
@@ -119,7 +122,8 @@ class ContactTracker:
             may_start: which of them are clear enough to start a contact; the others only continue one.
                 None: all.
             is_loaded: of sheet coordinates (k, 2) in mm, whether something may still load the sheet there.
-                A contact that is not found ends at once where this is False. None: True everywhere.
+                A contact that is not found ends at once where this is False. None: True everywhere. It is
+                called only if the status is "ok".
             status: of the frame; unless it is "ok" no contact ends because it is not found, for up to
                 ten times `bridge_frames`.
 
@@ -147,7 +151,7 @@ class ContactTracker:
                 continue
             else:
                 continued = replace(
-                    track, contact=_extrapolate(track.contact, track.unseen), unseen=track.unseen + 1
+                    track, contact=_kept(track.contact, track.unseen), unseen=track.unseen + 1
                 )
             tracks.append(continued)
         assigned = set(partner.values())
@@ -195,7 +199,7 @@ class ContactTracker:
     ) -> bool:
         """Can a contact that was not found in this frame still be there?"""
         if status is not Status.OK:
-            return track.unseen < 10 * self.bridge_frames
+            return track.unseen < _UNUSABLE_FRAMES * self.bridge_frames
         if track.unseen >= self.bridge_frames:
             return False
         return is_loaded is None or bool(is_loaded(track.contact.centre_mm[None, :])[0])
@@ -226,7 +230,7 @@ def _centre_variance_mm2(contact: Contact) -> float:
     return 0.5 * (contact.std("x") ** 2 + contact.std("y") ** 2)
 
 
-def _extrapolate(contact: Contact, unseen: int) -> Contact:
+def _kept(contact: Contact, unseen: int) -> Contact:
     """The contact in a frame that does not show it: the last values with an increased covariance."""
     growth = ((unseen + 2.0) / (unseen + 1.0)) ** 2
     covariance = growth * contact.covariance

@@ -42,8 +42,9 @@ from manytouch.values import (
 from manytouch.values.arrays import Covariances2, Mask, Points2, Scalars, read_only
 from manytouch.values.surface import INVERSE_DISTANCE, Interpolation
 
-UNCONFIRMED = ContactTracker(confirm_frames=1)
-"""The paper evaluates single frames: a contact needs no confirmation by a second one."""
+CONFIRMED_AT_ONCE = ContactTracker(confirm_frames=1)
+"""The paper evaluates single frames: a contact needs no confirmation by a second one. Frames that do not show
+it are bridged as in the other methods (`ContactTracker.bridge_frames`), which is not in the paper."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -99,7 +100,7 @@ class PaperEstimation:
     padding: Padding = "repeat"
     interpolation: Interpolation = INVERSE_DISTANCE
     contact_depth_pitch: float = 0.25
-    tracker: ContactTracker = UNCONFIRMED
+    tracker: ContactTracker = CONFIRMED_AT_ONCE
 
     def start(self, sensor: Sensor) -> PaperEstimationState:
         """Initial perimeters and the weights of the interpolation.
