@@ -3,17 +3,21 @@
 from manytouch.compilation import kernel, no_type_check
 
 NEWTON_STEPS = 5
-MIN_AREA_RATIO_2 = 1e-3  # lower limit of det C; a surface that is compressed further is meaningless
+MIN_AREA_RATIO_2 = 1e-3
+"""Lower limit of det C, the squared ratio of areas. A choice: no sheet is compressed to 3 % of its area, and
+steps of the inversion that go further keep finite energies."""
 
 
 @kernel(fastmath=True, inline="always")
 @no_type_check
-def thickness_stretch(
+def root_of_volume_ratio(
     e1: float, e2: float, e3: float, mu: float, bulk: float
 ) -> tuple[float, float, float, float]:
     """Cube root y of the volume ratio at which the normal stress across the thickness is 0.
 
-    2 mu y^6 / (3 d) - mu tr / 3 + bulk (y^8 - y^5) = 0, with d and tr of C = 1 + 2 E.
+    G(y) = 2 mu y^6 / (3 d) - mu tr / 3 + bulk (y^8 - y^5) = 0, with d = det C and tr = tr C of C = 1 + 2 E.
+    The thickness stretch is y^3 / sqrt(d). The moduli mu and bulk are those of the material over its Young's
+    modulus, and so are energies and stresses.
 
     Returns:
         y, dG/dy, and d, tr.
@@ -39,7 +43,7 @@ def thickness_stretch(
 @no_type_check
 def energy_density(e1: float, e2: float, e3: float, mu: float, bulk: float) -> float:
     """Energy per volume for the strains E11, E22 and 2 E12."""
-    y, _, d, tr = thickness_stretch(e1, e2, e3, mu, bulk)
+    y, _, d, tr = root_of_volume_ratio(e1, e2, e3, mu, bulk)
     y3 = y * y * y
     z = y3 * y3 / d
     return 0.5 * mu * ((tr + z) / (y * y) - 3.0) + 0.5 * bulk * (y3 - 1.0) ** 2
@@ -49,7 +53,7 @@ def energy_density(e1: float, e2: float, e3: float, mu: float, bulk: float) -> f
 @no_type_check
 def stress(e1: float, e2: float, e3: float, mu: float, bulk: float) -> tuple[float, float, float]:
     """S11, S22, S12 (second Piola-Kirchhoff)."""
-    y, _, d, _ = thickness_stretch(e1, e2, e3, mu, bulk)
+    y, _, d, _ = root_of_volume_ratio(e1, e2, e3, mu, bulk)
     m = mu / (y * y)
     z = y**6 / d
     return (
@@ -65,7 +69,7 @@ def stress_and_tangent(
     e1: float, e2: float, e3: float, mu: float, bulk: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
     """S11, S22, S12 and D11, D22, D33, D12, D13, D23 = dS / d(E11, E22, 2 E12)."""
-    y, slope, d, _ = thickness_stretch(e1, e2, e3, mu, bulk)
+    y, slope, d, _ = root_of_volume_ratio(e1, e2, e3, mu, bulk)
     m = mu / (y * y)
     y3 = y * y * y
     z = y3 * y3 / d
