@@ -35,7 +35,7 @@ class ContactRules:
         outline_stds: least normal force of a contact on a known sheet over its change by one standard
             deviation of the outline. A clamp that is not where the sensor file has it, or that bends the
             sheet otherwise than its shell, causes forces next to it. The strongest force of a frame is not
-            tested: it is what the sheet answers to. Other true contacts of the varied cases have 4 and more
+            tested: it causes most of the deformation. Other true contacts of the varied cases have 4 and more
             with drawn sensor files, 5 and more with true ones.
         noise_share: nodal forces below this share of what noise adds to `GaussNewton.negligible_force` belong
             to no cluster.

@@ -104,10 +104,10 @@ class MechanicsEstimator:
     pad: BondedEstimator | None = None
 
     def start(self, sensor: Sensor) -> Any:
-        """Computes everything that depends on the sensor only, and limits BLAS to one thread.
+        """The `MechanicsState` before the first frame, or that of `pad`; limits BLAS to one thread.
 
         Raises:
-            SensorError: the sensor has no layout, or its sheet is bonded.
+            SensorError: the sensor has no layout, or its sheet is bonded and `pad` is None.
             LayoutError: it has too few markers.
         """
         limit_blas_threads()

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from manytouch.evaluation.suite.cases import HOLD_FRAMES, REST_FRAMES, VARIED_GROUPS, Case
-from manytouch.evaluation.suite.varied.presses import SHAPES, PressSampler, VariedPress
+from manytouch.evaluation.suite.varied.presses import CASES_OF_SHAPES, PressSampler, VariedPress
 from manytouch.evaluation.suite.varied.sheets import SHEETS
 
 HELD_OUT_SHAPES = ("ring", "palm")
@@ -34,7 +34,7 @@ class VariedCase(Case):
     """Bodies on a sheet at three strengths, each held for four frames after 15 frames at rest.
 
     Attributes:
-        shape, sheet: of `SHAPES` and `SHEETS`.
+        shape, sheet: of `CASES_OF_SHAPES` and `SHEETS`.
         presses: what presses.
         shares: of the strengths, one for each state.
         stiffening: factors of Yeoh's law; 0 is neo-Hooke.
@@ -68,7 +68,7 @@ class VariedCase(Case):
 
 def varied(group: str) -> Iterator[VariedCase]:
     """The cases of one of `VARIED_GROUPS`."""
-    for i, (shape, draw) in enumerate(SHAPES.items()):
+    for i, (shape, draw) in enumerate(CASES_OF_SHAPES.items()):
         for j, (name, sheet) in enumerate(SHEETS.items()):
             number = i * len(SHEETS) + j
             rng = np.random.default_rng(5000 + number)

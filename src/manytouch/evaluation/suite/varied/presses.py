@@ -235,7 +235,7 @@ def _perhaps_a_ball(sampler: PressSampler) -> list[tuple[Kind, tuple[float, ...]
     return [sampler.body("ball", sampler.between(2.5, 6.0))] if sampler.rng.random() < 0.5 else []
 
 
-SHAPES: dict[str, Callable[[PressSampler], tuple[VariedPress, ...]]] = {
+CASES_OF_SHAPES: dict[str, Callable[[PressSampler], tuple[VariedPress, ...]]] = {
     "balls": balls,
     "large-balls": large_balls,
     "square": square,
