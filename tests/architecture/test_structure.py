@@ -163,10 +163,13 @@ def test_decisions_have_context_decision_alternatives_and_status() -> None:
     folder = ROOT / "docs" / "decisions"
     if not folder.exists():
         pytest.skip("the documentation is not there (tests of the wheel)")
-    listed = (folder / "README.md").read_text(encoding="utf-8")
+    listed = (folder / "README.md").read_text(encoding="utf-8").splitlines()
     for path in sorted(folder.glob("0*.md")):
         text = path.read_text(encoding="utf-8")
         missing = [part for part in DECISION if not any(f"{mark}{part}" in text for mark in ("**", "## "))]
         missing = [part for part in missing if f"\n{part}: " not in text]
         assert not missing, f"{path.name}: {', '.join(missing)}"
-        assert f"({path.name})" in listed, f"list {path.name} in {folder.name}/README.md"
+        number, title = text.splitlines()[0].removeprefix("# ").split(". ", 1)
+        entry = f"- [{int(number):04}]({path.name}) {title}"
+        found = [line.partition(" (replaced in part by ")[0] for line in listed]
+        assert entry in found, f"list {path.name} with its title in {folder.name}/README.md: {entry}"
