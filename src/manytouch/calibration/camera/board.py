@@ -15,6 +15,8 @@ FORMS = "chessboard:9x6 (inner corners), charuco:8x6 (squares), circles:9x6 or c
 
 MARKER_SHARE = 0.75
 """Side of a ChArUco marker over the side of a square."""
+DEFAULT_DICTIONARY = "DICT_4X4_250"
+"""Of ChArUco markers, as OpenCV names it."""
 LONGEST_SHOWN = 60  # characters of a text in a message
 LEAST_SQUARE_MM, LARGEST_SQUARE_MM = 1e-3, 1e5
 _SEARCH_WIDTH_PX = 1280  # boards are searched in images of at most this width, then refined
@@ -36,10 +38,12 @@ class Board:
     columns: int
     rows: int
     square_mm: float
-    dictionary: str = "DICT_4X4_250"
+    dictionary: str = DEFAULT_DICTIONARY
 
     def __str__(self) -> str:
-        return f"{self.kind}:{self.columns}x{self.rows}"
+        """As `parse_board` reads it."""
+        end = "" if self.dictionary == DEFAULT_DICTIONARY else f":{self.dictionary}"
+        return f"{self.kind}:{self.columns}x{self.rows}{end}"
 
     @property
     def has_corners(self) -> bool:
@@ -107,6 +111,7 @@ def charuco_pattern(board: Board) -> tuple[np.ndarray, int]:
     """Black pixels of a ChArUco board (h, w), and the side of a square in pixels."""
     charuco = _charuco(board)
     modules = charuco.getDictionary().markerSize + 2
+    # a multiple of the modules and of twice 1 / (1 - share), so that modules and margins are whole pixels
     side_px = 2 * modules * round(1.0 / (1.0 - MARKER_SHARE))
     image = charuco.generateImage((board.columns * side_px, board.rows * side_px), marginSize=0)
     return np.asarray(image) < 128, side_px
@@ -205,7 +210,8 @@ def _charuco(board: Board) -> cv2.aruco.CharucoBoard:
     if needed > len(dictionary.bytesList):
         raise ManytouchError(
             f"the board {board} needs {needed} markers and {board.dictionary} has "
-            f"{len(dictionary.bytesList)}: name a larger dictionary, such as {board}:DICT_5X5_1000"
+            f"{len(dictionary.bytesList)}: name a larger dictionary, such as "
+            f"{board.kind}:{board.columns}x{board.rows}:DICT_5X5_1000"
         )
     side = board.square_mm
     return cv2.aruco.CharucoBoard((board.columns, board.rows), side, MARKER_SHARE * side, dictionary)
