@@ -17,18 +17,18 @@ from manytouch.simulation.shell.live_sheet import LiveSheet
 from manytouch.values import Press, Release, Sheet
 from manytouch.values.arrays import Points2, Points3
 
-FINGERTIP = Sphere(radius_mm=6.0)
+FINGER_BALL = Sphere(radius_mm=6.0)
 MOST_FINGERS = 20
-STEEPEST = 0.4  # depth of a finger over its distance from the clamp, where the sheet hardly gives way
-EASE_S = 0.05  # time in which a finger comes 63 % nearer to what is wanted of it
+STEEPEST = 0.4  # largest ratio of the depth of a finger to its distance from the clamp
+EASE_S = 0.05  # time in which a finger comes 63 % nearer to its target
 MAX_DEPTH_STEP_MM = 2.5
 """Largest change of the depth in one frame, so that the solution can follow."""
 MAX_SIDEWAYS_STEP_MM = 6.0
 """The same of x and y together."""
-LIFTED_MM = -3.0  # depth that is wanted of a lifted finger
+LIFTED_MM = -3.0  # target depth of a lifted finger: above the face
 ALONE_S = 3.0  # the scene goes on when nobody has pressed for so long
-MAX_EVALUATIONS = 18  # at the live sheet's energy in a frame
-TAKING_OVER = 60  # and when it takes over
+MAX_EVALUATIONS = 18  # of the live sheet's energy in a frame
+MAX_EVALUATIONS_AT_START = 60  # the same in the frame in which the sheet begins to be solved live
 FRAMES_KEPT = 300  # of the latest frames
 FIRST_ID = 100_000  # of people's fingers, above all touches of a scene
 
@@ -40,14 +40,14 @@ class _Finger:
     id: int
     indenter: Indenter
     position_mm: np.ndarray
-    wanted_mm: np.ndarray
+    target_mm: np.ndarray
     rotation_vector: np.ndarray
 
     def ease(self, share: float) -> None:
-        way_mm = share * (self.wanted_mm - self.position_mm)
-        way_mm[:2] *= min(1.0, MAX_SIDEWAYS_STEP_MM / max(float(np.linalg.norm(way_mm[:2])), 1e-9))
-        way_mm[2] = min(max(way_mm[2], -MAX_DEPTH_STEP_MM), MAX_DEPTH_STEP_MM)
-        self.position_mm = self.position_mm + way_mm
+        step_mm = share * (self.target_mm - self.position_mm)
+        step_mm[:2] *= min(1.0, MAX_SIDEWAYS_STEP_MM / max(float(np.linalg.norm(step_mm[:2])), 1e-9))
+        step_mm[2] = min(max(step_mm[2], -MAX_DEPTH_STEP_MM), MAX_DEPTH_STEP_MM)
+        self.position_mm = self.position_mm + step_mm
 
     @property
     def pressed(self) -> PosedIndenter:
@@ -143,13 +143,13 @@ class InteractiveIndenters:
                     if finger in self._held:
                         self._lift(self._held.pop(finger))
                 case Press(finger=finger, x_mm=x_mm, y_mm=y_mm, depth_mm=depth_mm):
-                    wanted_mm = self._on_sheet(x_mm, y_mm, depth_mm)
+                    target_mm = self._on_sheet(x_mm, y_mm, depth_mm)
                     if finger in self._held:
-                        self._held[finger].wanted_mm = wanted_mm
+                        self._held[finger].target_mm = target_mm
                     elif len(self._held) < MOST_FINGERS:
-                        start_mm = np.array([*wanted_mm[:2], self.sheet.thickness_mm])
+                        start_mm = np.array([*target_mm[:2], self.sheet.thickness_mm])
                         self._held[finger] = _Finger(
-                            self._next_id, FINGERTIP, start_mm, wanted_mm, np.zeros(3)
+                            self._next_id, FINGER_BALL, start_mm, target_mm, np.zeros(3)
                         )
                         self._next_id += 1
 
@@ -209,15 +209,17 @@ class InteractiveIndenters:
             self._next_id += 1
             self._lift(_Finger(id_, body.indenter, position_mm, position_mm, rotation_vector))
         self._live.start_from(self.scene.face(before_s))
-        self._live.settle([finger.pressed for finger in self._lifted], max_evaluations=TAKING_OVER)
+        self._live.settle(
+            [finger.pressed for finger in self._lifted], max_evaluations=MAX_EVALUATIONS_AT_START
+        )
 
     def _lift(self, finger: _Finger) -> None:
-        finger.wanted_mm = np.array([*finger.position_mm[:2], self.sheet.thickness_mm - LIFTED_MM])
+        finger.target_mm = np.array([*finger.position_mm[:2], self.sheet.thickness_mm - LIFTED_MM])
         self._lifted.append(finger)
 
     def _on_sheet(self, x_mm: float, y_mm: float, depth_mm: float) -> np.ndarray:
         """Where a finger shall be: moved inwards until all of it is on the sheet, and not too deep there."""
-        reach_mm = np.maximum(self.sheet.size_mm / 2 - 1.2 * FINGERTIP.radius_mm, 0.0)
+        reach_mm = np.maximum(self.sheet.size_mm / 2 - 1.2 * FINGER_BALL.radius_mm, 0.0)
         at_mm = np.clip(np.array([x_mm, y_mm]), -reach_mm, reach_mm)
         from_rim_mm = float((self.sheet.size_mm / 2 - np.abs(at_mm)).min())
         deep_mm = min(max(depth_mm, 0.0), STEEPEST * from_rim_mm)

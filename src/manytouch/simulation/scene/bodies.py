@@ -156,7 +156,7 @@ class _Press(_PressSection):
     at_mm: Pair
     turn_deg: Triple = Field(default_factory=lambda: [0.0, 0.0, 0.0])
 
-    def ways(self, pivot_mm: float) -> list[Trajectory]:
+    def trajectories(self, pivot_mm: float) -> list[Trajectory]:
         return [_pressed(self, _two(self.at_mm), _two(self.at_mm), self.turn_deg, self.turn_deg)]
 
 
@@ -166,7 +166,7 @@ class _Slide(_PressSection):
     to_mm: Pair
     turn_deg: Triple = Field(default_factory=lambda: [0.0, 0.0, 0.0])
 
-    def ways(self, pivot_mm: float) -> list[Trajectory]:
+    def trajectories(self, pivot_mm: float) -> list[Trajectory]:
         return [_pressed(self, _two(self.from_mm), _two(self.to_mm), self.turn_deg, self.turn_deg)]
 
 
@@ -176,7 +176,7 @@ class _Roll(_PressSection):
     direction_deg: Number
     angle_deg: Number
 
-    def ways(self, pivot_mm: float) -> list[Trajectory]:
+    def trajectories(self, pivot_mm: float) -> list[Trajectory]:
         """The middle goes as far as the angle's arc is long, from half of it before to half behind at_mm."""
         angle, direction = math.radians(self.angle_deg), math.radians(self.direction_deg)
         ahead = np.array([math.cos(direction), math.sin(direction)])
@@ -195,7 +195,7 @@ class _Tap(Section):
     every_s: Positive = 0.6
     times: Annotated[int, Field(gt=0, le=1000)] = 1
 
-    def ways(self, pivot_mm: float) -> list[Trajectory]:
+    def trajectories(self, pivot_mm: float) -> list[Trajectory]:
         starts = [self.start_s + number * self.every_s for number in range(self.times)]
         at_mm = _two(self.at_mm)
         return [
@@ -242,7 +242,7 @@ class _Path(Section):
             raise ValueError(f"turns_deg has {len(self.turns_deg)} rows for {len(self.points)} points")
         return self
 
-    def ways(self, pivot_mm: float) -> list[Trajectory]:
+    def trajectories(self, pivot_mm: float) -> list[Trajectory]:
         rows = np.array(self.points, dtype=np.float64)
         turns = np.zeros((len(rows), 3)) if self.turns_deg is None else np.deg2rad(self.turns_deg)
         return [
@@ -268,20 +268,20 @@ class BodySection(Section):
     def _moves(self) -> "BodySection":
         if len(self.motions) > 1 and any(isinstance(motion, _CloseIn) for motion in self.motions):
             raise ValueError("close_in moves two bodies of this shape and must be the only motion")
-        self._ways()
+        self._trajectories()
         return self
 
-    def _ways(self) -> list[Trajectory]:
+    def _trajectories(self) -> list[Trajectory]:
         first = self.motions[0]
         if isinstance(first, _CloseIn):
             return list(first.pair())
-        ways = [
-            way
+        trajectories = [
+            trajectory
             for motion in self.motions
             if not isinstance(motion, _CloseIn)
-            for way in motion.ways(self.shape.pivot_mm)
+            for trajectory in motion.trajectories(self.shape.pivot_mm)
         ]
-        return [concatenate_trajectories(ways)]
+        return [concatenate_trajectories(trajectories)]
 
     def bodies(self, folder: Path) -> list[Body]:
         """One body, or two that close in.
@@ -291,8 +291,13 @@ class BodySection(Section):
         """
         indenter = self.shape.indenter(folder)
         return [
-            Body(indenter=indenter, way=way, friction=self.friction, pivot_mm=self.shape.pivot_mm)
-            for way in self._ways()
+            Body(
+                indenter=indenter,
+                trajectory=trajectory,
+                friction=self.friction,
+                pivot_mm=self.shape.pivot_mm,
+            )
+            for trajectory in self._trajectories()
         ]
 
 

@@ -1,4 +1,4 @@
-"""How rigid bodies move on the sheet in time: press, slide, roll, tap, or any way through given points.
+"""How rigid bodies move on the sheet in time: press, slide, roll, tap, or any path through given points.
 
 Between two waypoints a body goes with the smooth step s^2 (3 - 2 s), so it rests at each of them.
 Depth is that of its lowest point below the undeformed touched face; above it depth is negative.
@@ -23,8 +23,8 @@ PARKED_MM = 1.0
 """Height above the undeformed face at which a body waits before and after it presses."""
 APPROACH_S = 0.1
 """Time from there to the face."""
-ARM_MM = 10.0
-"""What a turn moves."""
+LEVER_MM = 10.0
+"""A turn of 1 rad counts as so much motion where keyframes are chosen; a choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -48,8 +48,8 @@ class Trajectory:
         share = np.clip((time_s - begin) / (end - begin), 0.0, 1.0)
         share = (share**2 * (3.0 - 2.0 * share))[:, None]
         places, turns = (
-            way[after - 1] + share * (way[after] - way[after - 1])
-            for way in (self.place_mm, self.rotation_vector)
+            waypoint[after - 1] + share * (waypoint[after] - waypoint[after - 1])
+            for waypoint in (self.place_mm, self.rotation_vector)
         )
         return places, turns
 
@@ -60,13 +60,13 @@ class Body:
 
     Attributes:
         indenter: its shape.
-        way: where it goes.
+        trajectory: where it goes.
         friction: Coulomb's coefficient against the sheet.
         pivot_mm: height above its lowest point of the point about which it turns.
     """
 
     indenter: Indenter
-    way: Trajectory
+    trajectory: Trajectory
     friction: float = 0.0
     pivot_mm: float = 0.0
 
@@ -89,13 +89,13 @@ def held_presses(bodies: tuple[Body, ...]) -> tuple[HeldPress, ...]:
     """The times at which bodies rest pressed between waypoints, in order; they may turn about the normal."""
     found = []
     for body in bodies:
-        way = body.way
-        for before, after in pairwise(range(len(way.time_s))):
-            place = way.place_mm[before]
-            tilts = way.rotation_vector[[before, after], :2]
-            is_same = np.array_equal(place, way.place_mm[after]) and np.array_equal(*tilts)
+        path = body.trajectory
+        for before, after in pairwise(range(len(path.time_s))):
+            place = path.place_mm[before]
+            tilts = path.rotation_vector[[before, after], :2]
+            is_same = np.array_equal(place, path.place_mm[after]) and np.array_equal(*tilts)
             if is_same and place[2] > 0.0:
-                middle_s = float(way.time_s[before] + way.time_s[after]) / 2
+                middle_s = float(path.time_s[before] + path.time_s[after]) / 2
                 found.append(HeldPress(time_s=round(middle_s, 6), x_mm=float(place[0]), y_mm=float(place[1])))
     return tuple(sorted(found, key=lambda press: press.time_s))
 
@@ -134,15 +134,19 @@ def press_trajectory(
     )
 
 
-def concatenate_trajectories(ways: list[Trajectory]) -> Trajectory:
-    """One way after the other; between them it moves straight over."""
-    time_s = np.concatenate([way.time_s for way in ways])
+def concatenate_trajectories(trajectories: list[Trajectory]) -> Trajectory:
+    """One trajectory after the other; between them the body moves straight over.
+
+    Raises:
+        ValueError: they overlap in time.
+    """
+    time_s = np.concatenate([each.time_s for each in trajectories])
     if np.any(np.diff(time_s) <= 0.0):
-        raise ValueError("the ways of a body overlap in time")
+        raise ValueError("the motions of a body overlap in time")
     return Trajectory(
         time_s=read_only(time_s),
-        place_mm=read_only(np.concatenate([way.place_mm for way in ways])),
-        rotation_vector=read_only(np.concatenate([way.rotation_vector for way in ways])),
+        place_mm=read_only(np.concatenate([each.place_mm for each in trajectories])),
+        rotation_vector=read_only(np.concatenate([each.rotation_vector for each in trajectories])),
     )
 
 
@@ -152,28 +156,28 @@ def keyframe_times(bodies: tuple[Body, ...], duration_s: float, *, step_mm: floa
     All waypoints on the sheet, and between them steps in which nothing near the sheet goes further than
     step_mm.
     """
-    waypoints = [body.way.time_s[body.way.place_mm[:, 2] >= 0.0] for body in bodies]
+    waypoints = [body.trajectory.time_s[body.trajectory.place_mm[:, 2] >= 0.0] for body in bodies]
     events = np.unique(np.round(np.clip(np.concatenate([[0.0, duration_s], *waypoints]), 0.0, duration_s), 6))
     times = [0.0]
     for begin, end in pairwise(events):
         line = np.linspace(begin, end, 33)
-        travel_mm = max((_farthest_mm(body.way, line) for body in bodies), default=0.0)
+        travel_mm = max((_farthest_mm(body.trajectory, line) for body in bodies), default=0.0)
         wanted = travel_mm * 32 / step_mm
         if wanted > MAX_SCENE_KEYFRAMES - len(times):
             raise SourceError(
                 f"steps of {step_mm:g} mm make more than {MAX_SCENE_KEYFRAMES} equilibria: choose a larger "
-                "step_mm, or shorter ways of the bodies"
+                "step_mm, or shorter motions of the bodies"
             )
         parts = max(1, math.ceil(wanted - 1e-9))
         times += (begin + (end - begin) * np.arange(1, parts + 1) / parts).tolist()
     return read_only(np.round(np.array(times), 6))
 
 
-def _farthest_mm(way: Trajectory, time_s: Scalars) -> float:
+def _farthest_mm(trajectory: Trajectory, time_s: Scalars) -> float:
     """How far it goes at most from one time to the next; nothing as long as it is in the air."""
-    places, turns = way.at(time_s)
+    places, turns = trajectory.at(time_s)
     moved_mm = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    moved_mm += ARM_MM * np.linalg.norm(np.diff(turns, axis=0), axis=1)
+    moved_mm += LEVER_MM * np.linalg.norm(np.diff(turns, axis=0), axis=1)
     return float(moved_mm[np.maximum(places[:-1, 2], places[1:, 2]) > 0.0].max(initial=0.0))
 
 
@@ -192,7 +196,7 @@ def loading(bodies: tuple[Body, ...], time_s: Scalars, *, thickness_mm: float) -
     """The steps of a loading at keyframes, rounded to 0.1 um so that they are the same everywhere."""
     touches = []
     for body in bodies:
-        places, turns = body.way.at(time_s)
+        places, turns = body.trajectory.at(time_s)
         arm_mm = np.array([0.0, 0.0, body.pivot_mm])
         position_mm = places * [1.0, 1.0, -1.0] + [0.0, 0.0, thickness_mm] + arm_mm
         position_mm -= Rotation.from_rotvec(turns).apply(arm_mm)

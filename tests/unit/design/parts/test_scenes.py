@@ -23,7 +23,7 @@ def test_the_scenes_of_a_design_are_valid_and_press_inside_its_area(found, tmp_p
         scene = load_scene(tmp_path / "scenes" / f"{name}.toml")
         assert scene.fps == 30.0, "images are read at 30 frames per second"
         (body,) = scene.bodies
-        assert body.way.place_mm[:, 2].max() < found.requirements.deepest_mm
+        assert body.trajectory.place_mm[:, 2].max() < found.requirements.deepest_mm
         presses = held_presses(scene.bodies)
         assert len(presses) == count
         assert all(abs(one.x_mm) < half_mm[0] and abs(one.y_mm) < half_mm[1] for one in presses)

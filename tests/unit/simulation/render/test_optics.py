@@ -31,7 +31,7 @@ INDEX = 15
 def scene(way: Trajectory, duration_s: float) -> SolidScene:
     """A ball on its way."""
     _, sheet = layout_and_sheet()
-    body, live, states = Body(indenter=Sphere(radius_mm=6.0), way=way), LiveSheet(sheet), []
+    body, live, states = Body(indenter=Sphere(radius_mm=6.0), trajectory=way), LiveSheet(sheet), []
     time_s = np.linspace(0.0, duration_s, 21)
     for at_s in time_s.tolist():
         live.settle(

@@ -120,16 +120,16 @@ def test_motions_follow_their_description(tmp_path: Path) -> None:
     )
 
     def at(body: object, time_s: float) -> list[float]:
-        return body.way.at(np.array([time_s]))[0][0].tolist()  # type: ignore[attr-defined]
+        return body.trajectory.at(np.array([time_s]))[0][0].tolist()  # type: ignore[attr-defined]
 
     assert at(finger, 1.0) == pytest.approx([0.0, 0.0, 2.0])
     assert at(finger, 2.5) == pytest.approx([4.5, 0.0, 2.0])
     assert at(finger, 4.25) == pytest.approx([4.0, 4.0, 1.0])
-    assert finger.way.at(np.array([1.0]))[1][0] == pytest.approx([0.0, 0.0, np.pi / 2])
+    assert finger.trajectory.at(np.array([1.0]))[1][0] == pytest.approx([0.0, 0.0, np.pi / 2])
     half_arc_mm = 0.5 * np.radians(60.0) * 5.0
     assert at(roller, 1.25) == pytest.approx([20.0, -half_arc_mm, 2.0])
     assert at(roller, 2.75) == pytest.approx([20.0, half_arc_mm, 2.0])
-    assert roller.way.at(np.array([2.75]))[1][0] == pytest.approx([-np.radians(30.0), 0.0, 0.0])
+    assert roller.trajectory.at(np.array([2.75]))[1][0] == pytest.approx([-np.radians(30.0), 0.0, 0.0])
     assert (at(left, 1.25)[0], at(right, 1.25)[0]) == (-15.0, 15.0)
     assert (at(left, 2.75)[0], at(right, 2.75)[0]) == (-5.0, 5.0)
     assert at(punch, 1.0) == pytest.approx([0.0, -20.0, 2.0])

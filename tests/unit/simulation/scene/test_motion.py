@@ -40,7 +40,7 @@ def test_it_rests_at_every_waypoint() -> None:
 def test_a_press_that_turns_about_the_normal_is_held_and_one_that_rolls_is_not(turn, count: int) -> None:
     turning = press_trajectory(1.0, 3.0, from_mm=(2.0, -1.0), depth_mm=1.0, ramp_s=0.5, turn_to=turn)
     still = press_trajectory(3.0, 5.0, from_mm=(4.0, 1.0), depth_mm=1.0, ramp_s=0.5)
-    found = held_presses((Body(indenter=BALL, way=still), Body(indenter=BALL, way=turning)))
+    found = held_presses((Body(indenter=BALL, trajectory=still), Body(indenter=BALL, trajectory=turning)))
     assert [(one.time_s, one.x_mm, one.y_mm) for one in found] == [(2.0, 2.0, -1.0), (4.0, 4.0, 1.0)][-count:]
 
 
@@ -54,7 +54,7 @@ def test_ramps_must_fit_and_ways_must_follow_each_other() -> None:
 
 
 def test_keyframes_are_close_where_something_moves_and_nowhere_else() -> None:
-    bodies = (Body(indenter=BALL, way=PRESS),)
+    bodies = (Body(indenter=BALL, trajectory=PRESS),)
     for step_mm in (0.5, 1.0):
         time_s = keyframe_times(bodies, 5.0, step_mm=step_mm)
         assert (time_s[0], time_s[-1]) == (0.0, 5.0)
@@ -77,7 +77,7 @@ def test_a_body_that_rolls_does_not_slip() -> None:
         place_mm=np.array([[0.0, 0.0, 1.0], [0.02 * 6.0, 0.0, 1.0]]),
         rotation_vector=np.stack([np.zeros(3), turn]),
     )
-    body = Body(indenter=BALL, way=way, pivot_mm=6.0)
+    body = Body(indenter=BALL, trajectory=way, pivot_mm=6.0)
     touch = loading((body,), np.array([0.0, 1.0]), thickness_mm=3.0).touches[0]
     assert touch.position_mm[0].tolist() == [0.0, 0.0, 2.0]
     middle_mm = touch.position_mm + Rotation.from_rotvec(touch.rotation_vector.copy()).apply([0.0, 0.0, 6.0])
@@ -87,7 +87,8 @@ def test_a_body_that_rolls_does_not_slip() -> None:
 
 def test_steps_are_the_keyframes() -> None:
     time_s = np.array([0.0, 1.5, 3.0])
-    touch = loading((Body(indenter=BALL, way=PRESS, friction=0.3),), time_s, thickness_mm=3.0).touches[0]
+    body = Body(indenter=BALL, trajectory=PRESS, friction=0.3)
+    touch = loading((body,), time_s, thickness_mm=3.0).touches[0]
     assert touch.friction == 0.3
     assert touch.position_mm[1].tolist() == [2.0, -1.0, -1.0]
     assert touch.position_mm[0, 2] > 3.0
