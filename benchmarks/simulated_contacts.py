@@ -25,7 +25,7 @@ from forward_error import SIZE_MM, YOUNG_MPA, solve_solid
 
 import manytouch
 from manytouch.blas_threads import limit_blas_threads
-from manytouch.design.choose import lattice
+from manytouch.design.dimensions import light_lattice
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.fem.cache import StateCache
 from manytouch.simulation.fem.contact.indenters import Sphere
@@ -141,7 +141,7 @@ def equilibria(name: str, states: StateCache) -> tuple[Sensor, list[tuple[Deform
         poisson=case.poisson,
         pretension_N_per_mm=case.pretension_N_per_mm,
     )
-    sensor = replace(demo, name=name, layout=lattice(SIZE_MM, 4.0, 1.0, 0.0), sheet=sheet)
+    sensor = replace(demo, name=name, layout=light_lattice(SIZE_MM, 4.0, 1.0, 0.0), sheet=sheet)
     solids = solve_solid(case, states)
     contacts = [[ball(*case.place_mm, depth_mm, case.radius_mm)] for depth_mm in case.depth_mm]
     return sensor, list(zip(solids, contacts, strict=True))

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from manytouch.design.choose import lattice
+from manytouch.design.dimensions import light_lattice
 from manytouch.estimation import MechanicsEstimator
 from manytouch.estimation.mechanics.clusters.rigid_faces import RigidFaces
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState
@@ -31,7 +31,7 @@ def slack_sensor() -> Sensor:
     return Sensor(
         name="slack",
         camera=straight_camera(1600, 1400, focal_px=2000.0, distance_mm=100.0),
-        layout=lattice((72.0, 60.0), 3.0, 0.75, 0.0),
+        layout=light_lattice((72.0, 60.0), 3.0, 0.75, 0.0),
         sheet=sheet,
     )
 

@@ -14,7 +14,7 @@ sys.path.append(str(BENCHMARKS))
 
 from forward_error import CASES, SIZE_MM, YOUNG_MPA, Case, compare, solve_solid  # noqa: E402
 
-from manytouch.design.choose import lattice  # noqa: E402
+from manytouch.design.dimensions import light_lattice  # noqa: E402
 from manytouch.estimation import MechanicsEstimator  # noqa: E402
 from manytouch.simulation.fem.cache import StateCache  # noqa: E402
 from manytouch.simulation.render.dot_ellipses import dot_ellipses, outlines  # noqa: E402
@@ -36,7 +36,7 @@ def sensor_of(case: Case) -> Sensor:
     return Sensor(
         name=case.name,
         camera=straight_camera(2200, 1600, focal_px=2061.0, distance_mm=90.0),
-        layout=lattice(SIZE_MM, 4.0, 1.0, 0.0),
+        layout=light_lattice(SIZE_MM, 4.0, 1.0, 0.0),
         sheet=Sheet(
             size_mm=np.array(SIZE_MM),
             thickness_mm=case.thickness_mm,

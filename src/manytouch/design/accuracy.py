@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.design.choose import lattice
 from manytouch.design.dimensions import Design
 from manytouch.design.prototype import CENTRE_NOISE_PX, FINGERTIP, ObservedPress, OnMessage, Prototype
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator
@@ -163,7 +162,7 @@ def scale_design(
     if pitch != 1.0:
         wide = float(layout.pitch_mm[0]) * pitch
         size = (float(sheet.size_mm[0]), float(sheet.size_mm[1]))
-        layout = lattice(size, wide, float(layout.radius_mm[0]) * min(pitch, 1.0), layout.height_mm)
+        layout = light_lattice(size, wide, float(layout.radius_mm[0]) * min(pitch, 1.0), layout.height_mm)
     return replace(
         sensor,
         layout=layout,

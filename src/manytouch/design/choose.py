@@ -9,6 +9,7 @@ import numpy as np
 from manytouch.calibration.sheet.fit import STIFFNESS_PRIOR_STD
 from manytouch.design.deflection import DeflectionCurve, deflection_curve
 from manytouch.design.dimensions import (
+    LEAST_DISTANCES_PER_DEPTH,
     MIN_MARKER_GAP_PX,
     MIN_MARKER_RADIUS_PX,
     RADIUS_PER_PITCH,
@@ -16,6 +17,7 @@ from manytouch.design.dimensions import (
     THICKNESSES_MM,
     VIEW_MARGIN,
     Design,
+    light_lattice,
     pitch_mm,
     rim_mm,
 )
@@ -25,7 +27,7 @@ from manytouch.design.requirements import DesignError, Requirements
 from manytouch.design.spacing import largest_height_mm
 from manytouch.design.stand_off import StandOff, focal_px, stand_off, vfov_rad
 from manytouch.limits import MAX_MARKERS
-from manytouch.values import Camera, Layout, Sensor, Sheet
+from manytouch.values import Camera, Sensor, Sheet
 from manytouch.values.arrays import read_only
 
 MAX_SHEET_MM2, MAX_SIDE_MM = 1e6, 5e3
@@ -63,7 +65,7 @@ def design_sensor(requirements: Requirements, *, on_message: Callable[[str], obj
     sensor = Sensor(
         name=f"designed sheet {size[0]:g} x {size[1]:g} mm",
         camera=_camera(requirements, focal, distance_mm),
-        layout=lattice(size, pitch, radius, requirements.marker_height_mm),
+        layout=light_lattice(size, pitch, radius, requirements.marker_height_mm),
         sheet=sheet,
         provenance={"origin": "designed", "material": f"{material.name} (nominal stiffness; calibrate it)"},
     )
@@ -80,7 +82,7 @@ def _stand_off(requirements: Requirements, size: tuple[float, float]) -> StandOf
         vfov_rad=vfov_rad(camera.width_px, camera.height_px, hfov),
         least_focus_mm=camera.least_focus_mm + requirements.deepest_mm,
     )
-    if off.distance_mm < 3 * requirements.deepest_mm:
+    if off.distance_mm < LEAST_DISTANCES_PER_DEPTH * requirements.deepest_mm:
         raise DesignError(
             f"a press of {requirements.deepest_mm:g} mm comes too close to a camera {off.distance_mm:.0f} mm "
             "away: reduce the deepest press, or use a camera with a narrower field of view"
@@ -106,7 +108,13 @@ def _markers(requirements: Requirements, mm_per_px: float) -> tuple[float, float
 def _sheet(
     requirements: Requirements, on_message: Callable[[str], object] | None
 ) -> tuple[Material, DeflectionCurve]:
-    """The softest combination of material and thickness that supports the largest force."""
+    """The material and thickness that the largest force presses deepest, within the limits of the sheet.
+
+    The limits are the deepest press and `STRENGTH_SHARE` of the strength of the material.
+
+    Raises:
+        DesignError: every combination exceeds a limit, or the sheet is too large to be computed.
+    """
     materials = [item for item in MATERIALS if requirements.material in (None, item.name)]
     thicknesses = THICKNESSES_MM if requirements.thickness_mm is None else (requirements.thickness_mm,)
     found: list[tuple[float, Material, DeflectionCurve]] = []
@@ -189,22 +197,4 @@ def _camera(requirements: Requirements, focal: float, distance_mm: float) -> Cam
         distortion=read_only(np.zeros(5)),
         rotation_vector=read_only(np.zeros(3)),
         translation_mm=read_only(np.array([0.0, 0.0, distance_mm])),
-    )
-
-
-def lattice(size: tuple[float, float], pitch: float, radius: float, height: float) -> Layout:
-    """A lattice of light markers that fills a sheet; all arguments in mm."""
-    columns, rows = (int(side / pitch + 1e-9) for side in size)
-    row, column = (index.ravel() for index in np.indices((rows, columns)))
-    rest = np.zeros((rows * columns, 3))
-    rest[:, 0] = (column - (columns - 1) / 2) * pitch
-    rest[:, 1] = (row - (rows - 1) / 2) * pitch
-    return Layout(
-        rest_mm=read_only(rest),
-        row_column=read_only(np.column_stack([row, column]).astype(np.int64)),
-        pitch_mm=read_only(np.array([pitch, pitch])),
-        radius_mm=read_only(np.full(len(rest), radius)),
-        height_mm=height,
-        polarity="light",
-        is_missing=read_only(np.zeros(len(rest), dtype=np.bool_)),
     )

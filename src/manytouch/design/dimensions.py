@@ -1,13 +1,16 @@
-"""A designed sensor (`Design`), and the limits from which its dimensions follow."""
+"""A designed sensor (`Design`), its layout, and the limits from which its dimensions follow."""
 
 import math
 from dataclasses import dataclass
+
+import numpy as np
 
 from manytouch.design.deflection import DeflectionCurve
 from manytouch.design.materials import Material
 from manytouch.design.requirements import Requirements
 from manytouch.design.stand_off import StandOff
-from manytouch.values import Sensor
+from manytouch.values import Layout, Sensor
+from manytouch.values.arrays import read_only
 
 MIN_RIM_MM = 10.0
 """Least width of the rim, which lies between the clamp line and the touchable area."""
@@ -29,6 +32,8 @@ THICKNESSES_MM = (2.0, 3.0, 4.0)
 """Thicknesses of the sheet from which one is chosen if the requirements state none."""
 STRENGTH_SHARE = 0.5
 """The sheet is stretched to at most this share of its strength."""
+LEAST_DISTANCES_PER_DEPTH = 3.0
+"""Least distance of the camera over the deepest press. A choice: dots then grow by half at most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -91,3 +96,21 @@ def rim_mm(requirements: Requirements, thickness_mm: float) -> float:
 def pitch_mm(requirements: Requirements) -> float:
     """Distance between neighbouring markers, mm."""
     return min(requirements.separation_mm / RESOLUTION_PITCHES, MAX_PITCH_MM)
+
+
+def light_lattice(size: tuple[float, float], pitch: float, radius: float, height: float) -> Layout:
+    """A lattice of light markers that fills a sheet; all arguments in mm."""
+    columns, rows = (int(side / pitch + 1e-9) for side in size)
+    row, column = (index.ravel() for index in np.indices((rows, columns)))
+    rest = np.zeros((rows * columns, 3))
+    rest[:, 0] = (column - (columns - 1) / 2) * pitch
+    rest[:, 1] = (row - (rows - 1) / 2) * pitch
+    return Layout(
+        rest_mm=read_only(rest),
+        row_column=read_only(np.column_stack([row, column]).astype(np.int64)),
+        pitch_mm=read_only(np.array([pitch, pitch])),
+        radius_mm=read_only(np.full(len(rest), radius)),
+        height_mm=height,
+        polarity="light",
+        is_missing=read_only(np.zeros(len(rest), dtype=np.bool_)),
+    )

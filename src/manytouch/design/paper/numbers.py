@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from manytouch.design.choose import lattice
 from manytouch.design.deflection import DeflectionCurve, deflection_curve
-from manytouch.design.dimensions import MIN_MARKER_GAP_PX, Design, Reason
+from manytouch.design.dimensions import MIN_MARKER_GAP_PX, Design, Reason, light_lattice
 from manytouch.design.materials import MATERIALS
 from manytouch.design.requirements import CameraSpecification, Requirements
 from manytouch.design.spacing import gap_mm, largest_radius_mm, smallest_pitch_mm
@@ -257,7 +256,7 @@ def _sensor(hfov_deg: float, young_MPa: float) -> Sensor:
             rotation_vector=read_only(np.zeros(3)),
             translation_mm=read_only(np.array([0.0, 0.0, DISTANCE_MM])),
         ),
-        layout=lattice(SIZES_MM[0], PITCH_MM, RADIUS_MM, HEIGHT_MM),
+        layout=light_lattice(SIZES_MM[0], PITCH_MM, RADIUS_MM, HEIGHT_MM),
         sheet=Sheet(
             size_mm=read_only(np.array(SIZES_MM[0])),
             thickness_mm=THICKNESS_MM,

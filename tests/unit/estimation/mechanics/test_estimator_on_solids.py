@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from manytouch.design.choose import lattice
+from manytouch.design.dimensions import light_lattice
 from manytouch.design.prototype import FINGERTIP, ObservedPress, Prototype
 from manytouch.estimation import MechanicsEstimator
 from manytouch.evaluation.suite.given import given_sensor
@@ -132,7 +132,7 @@ def near_the_clamp(tmp_path_factory: pytest.TempPathFactory) -> tuple[Sensor, Ob
     sensor = Sensor(
         name="small",
         camera=straight_camera(1200, 1000, focal_px=1500.0, distance_mm=60.0),
-        layout=lattice((44.0, 36.0), 3.0, 0.75, 0.0),
+        layout=light_lattice((44.0, 36.0), 3.0, 0.75, 0.0),
         sheet=sheet,
     )
     whole = Prototype.of(sensor)
