@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.design.dimensions import Design
+from manytouch.design.dimensions import Design, light_lattice
 from manytouch.design.prototype import CENTRE_NOISE_PX, FINGERTIP, ObservedPress, OnMessage, Prototype
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState

@@ -104,7 +104,7 @@ class MechanicsEstimator:
     pad: BondedEstimator | None = None
 
     def start(self, sensor: Sensor) -> Any:
-        """The `MechanicsState` before the first frame, or that of `pad`; limits BLAS to one thread.
+        """The `MechanicsState` before the first frame, or the state of `pad`; limits BLAS to one thread.
 
         Raises:
             SensorError: the sensor has no layout, or its sheet is bonded and `pad` is None.

@@ -75,7 +75,10 @@ class PatchSearch:
         residual_px: Float64[np.ndarray, " r"],
         weight: Float64[np.ndarray, " r"],
     ) -> tuple[np.ndarray | None, float]:
-        """The guess (OWN,) with the largest reduction of the misfit, and this; None if nothing presses."""
+        """The guess (OWN,) with the largest reduction of the misfit, and this; None if nothing presses.
+
+        `residual_px` is measured minus fitted.
+        """
         pull = _pulls(candidates.column, residual_px, weight)
         load, gain = _loads(candidates.inverse, pull, weight)
         is_press = self._is_press(load)
@@ -92,7 +95,7 @@ class PatchSearch:
         residual_px: Float64[np.ndarray, " r"],
         weight: Float64[np.ndarray, " r"],
     ) -> Float64[np.ndarray, "10"]:
-        """The guess with the root of the second moment that reduces the misfit most."""
+        """The guess with the root of the second moment that reduces the misfit most; residuals as in the call."""
         root_mm = guess[2] * np.array([1.0, *self.wider])
         shapes = np.stack([_guess(guess[:2], root, np.zeros(_COLUMNS))[:SHAPE] for root in root_mm])
         column = fitter.images(model, shapes).column[:, :_COLUMNS]
