@@ -95,7 +95,7 @@ class PatchSearch:
         residual_px: Float64[np.ndarray, " r"],
         weight: Float64[np.ndarray, " r"],
     ) -> Float64[np.ndarray, "10"]:
-        """The guess with the root of the second moment that reduces the misfit most; residuals as in the call."""
+        """The guess with the root of the second moment that reduces the misfit most; residuals as above."""
         root_mm = guess[2] * np.array([1.0, *self.wider])
         shapes = np.stack([_guess(guess[:2], root, np.zeros(_COLUMNS))[:SHAPE] for root in root_mm])
         column = fitter.images(model, shapes).column[:, :_COLUMNS]
