@@ -16,14 +16,14 @@ from manytouch.mechanics.shell.material import stress_and_tangent
 
 
 class SecondDerivatives(NamedTuple):
-    """Second derivatives of the energy W over E at the Gauss points p of an element, times their weights.
+    """Second derivatives of the energy W per area over E, mm, at the Gauss points p of an element, weighted.
 
-    They are A_ab of the derivation, from which the tangent is assembled. i, j are components x, y of the
-    displacement u in the plane, a, b directions x, y of its derivatives, and m, n derivatives of b.
+    They are the A of the derivation, from which the tangent is assembled. i, j are components x, y of the
+    displacement u in the plane, s, t directions x, y of its derivatives, and m, n derivatives of b.
 
     Attributes:
-        plane: (9, 2, 2, 2, 2) plane[p, i, j, a, b] = weight d2W / d(u_i,a) d(u_j,b).
-        coupling: (9, 2, 2, 7) coupling[p, i, a, m] = weight d2W / d(u_i,a) d(b_m).
+        plane: (9, 2, 2, 2, 2) plane[p, i, j, s, t] = weight d2W / d(u_i,s) d(u_j,t).
+        coupling: (9, 2, 2, 7) coupling[p, i, s, m] = weight d2W / d(u_i,s) d(b_m).
         deflection: (9, 7, 7) deflection[p, m, n] = weight d2W / d(b_m) d(b_n).
     """
 
@@ -33,7 +33,7 @@ class SecondDerivatives(NamedTuple):
 
 
 class PointState(NamedTuple):
-    """State of the sheet at a Gauss point; energies W are over E and times the weight of the point, mm^2.
+    """State of the sheet at a Gauss point. W is its energy over E, mm^3: that per area times its weight.
 
     Attributes:
         a1, a2: (3,) base vectors of the middle surface.
