@@ -102,7 +102,7 @@ def main() -> None:
             is_met = "" if shown_s.max() < GOAL_S else f" (goal: {GOAL_S:g} s)"
             print(
                 f"with {count} busy loops: a press shows after {np.median(shown_s):.2f} s, at most "
-                f"{shown_s.max():.2f} s{is_met}; {live.health().fps:.0f} readings per second",
+                f"{shown_s.max():.2f} s{is_met}; {live.health().readings_per_s:.0f} readings per second",
                 flush=True,
             )
     finally:

@@ -26,8 +26,8 @@ from manytouch.values.arrays import Points2
 
 HEALTH = Health(
     is_running=True,
-    source="ok",
-    fps=30.0,
+    source_state="ok",
+    readings_per_s=30.0,
     latency_ms_p50=float("nan"),
     latency_ms_p99=float("nan"),
     frames=0,

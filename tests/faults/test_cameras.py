@@ -77,12 +77,12 @@ def test_a_silent_camera_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     source = CameraSource("0", lambda: Capture(image))
     frames = iter(source)
     next(frames)
-    assert source.status == "ok"
+    assert source.state == "ok"
     silent.set()
-    wait_until(lambda: "no image from camera-0 for" in source.status)
+    wait_until(lambda: "no image from camera-0 for" in source.state)
     silent.clear()
     go_on.set()
-    wait_until(lambda: source.status == "ok")
+    wait_until(lambda: source.state == "ok")
     source.close()
 
 
@@ -92,7 +92,7 @@ def test_images_of_another_size_are_frames_without_image() -> None:
     frames, shapes, statuses = iter(source), [], []
     for frame in islice(frames, 10):
         shapes.append(None if frame.image is None else frame.image.shape)
-        statuses.append(source.status)
+        statuses.append(source.state)
     source.close()
     assert set(shapes) <= {None, (240, 320)}
     assert None in shapes

@@ -339,7 +339,9 @@ def test_recorded_names_are_shown_as_text(opened: Callable[..., Page]) -> None:
     hostile = "<img src=x onerror='window.injected = true'>"
     session = FakeSession()
     session.sensor = replace(session.sensor, name=hostile)
-    session.now = replace(session.now, method=hostile, methods=(hostile,), notes=(hostile,), source=hostile)
+    session.now = replace(
+        session.now, method=hostile, methods=(hostile,), notes=(hostile,), source_state=hostile
+    )
     reading = reading_of(1)
     session.other = Comparison(name=hostile, surface=None, contacts=reading.contacts)
     viewer = Viewer(session)

@@ -13,7 +13,7 @@ from manytouch.batch.completion import parse_summary
 from manytouch.batch.storage import SUMMARY, Store
 from manytouch.batch.tasks import Outcome
 from manytouch.errors import OutputError
-from manytouch.sinks.files.parquet_file import ParquetFile
+from manytouch.sinks.files.row_group_writer import RowGroupWriter
 from manytouch.sinks.files.tables import contact_column_names
 
 ROWS_PER_GROUP = 65536
@@ -63,7 +63,7 @@ def write_result_tables(
     units: dict[str, str] = {}
     complete = 0
     with store.new_file(results) as path:
-        table = ParquetFile(path, RESULTS)
+        table = RowGroupWriter(path, RESULTS)
         lines: list[dict[str, Any]] = []
         for name in sorted({*names, *failed}):
             summary = parse_summary(store.read(f"{name}/{SUMMARY}"))
@@ -186,7 +186,7 @@ def _groups(store: Store, name: str) -> Iterator[pa.Table]:
 
 def _write_groups(path: Path, schema: pa.Schema, tables: Iterable[pa.Table]) -> None:
     """Write tables one after the other, in row groups of a useful size."""
-    file = ParquetFile(path, schema)
+    file = RowGroupWriter(path, schema)
     waiting: list[pa.Table] = []
     rows = 0
     for table in tables:

@@ -1,4 +1,8 @@
-"""Writes a design: sensor file, reasons, parts, patterns, bill of materials, assembly guide, prediction."""
+"""Writes a design.
+
+`write_design`: sensor file, reasons, scenes, parts, patterns, bill of materials, assembly guide;
+`write_sensor`: only the first three; `write_prediction`: accuracy.csv and plots.
+"""
 
 from collections.abc import Callable
 from importlib.util import find_spec

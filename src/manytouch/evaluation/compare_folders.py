@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import EvaluatedRecording
+from manytouch.evaluation.evaluated_recordings.folders import details, load_result, load_truth
 from manytouch.evaluation.metrics.comparison import compare
-from manytouch.evaluation.records.folders import details, load_result, load_truth
-from manytouch.evaluation.records.record import EvaluationRecord
 from manytouch.evaluation.suite.runner import Evaluation, Trial
 from manytouch.values.arrays import read_only
 
@@ -33,12 +33,12 @@ def evaluate_folders(result: Path, truth: Path) -> Evaluation:
     )
 
 
-def placed(record: EvaluationRecord, sensor: dict[str, Any]) -> EvaluationRecord:
-    """The record with its markers in lengths instead of columns and rows, where the pitch is known."""
+def placed(recording: EvaluatedRecording, sensor: dict[str, Any]) -> EvaluatedRecording:
+    """The recording with its markers in lengths instead of columns and rows, where the pitch is known."""
     rows, columns = sensor.get("rows"), sensor.get("columns")
-    pitch = sensor.get(f"pitch_{record.unit}")
-    if record.place_unit != "column" or not (rows and columns and pitch):
-        return record
+    pitch = sensor.get(f"pitch_{recording.unit}")
+    if recording.place_unit != "column" or not (rows and columns and pitch):
+        return recording
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
-    place = (record.place - middle) * np.array(pitch, dtype=np.float64)
-    return replace(record, place=read_only(place), place_unit=record.unit)
+    place = (recording.place - middle) * np.array(pitch, dtype=np.float64)
+    return replace(recording, place=read_only(place), place_unit=recording.unit)

@@ -116,8 +116,8 @@ def sensor_rows(states: Mapping[str, SensorState]) -> list[dict[str, object]]:
     return [
         {
             "name": name,
-            "state": state.health.source,
-            "fps": f"{state.health.fps:.1f}",
+            "state": state.health.source_state,
+            "fps": f"{state.health.readings_per_s:.1f}",
             # of earlier processes of the sensor, and of the present one
             "frames": state.frames + state.health.frames,
             "dropped": state.dropped + state.health.dropped,

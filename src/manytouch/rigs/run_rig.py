@@ -53,7 +53,9 @@ class SensorState:
     process: SpawnProcess | None = None
     connection: Connection | None = None
     health: HealthMessage = field(
-        default_factory=lambda: HealthMessage(frames=0, dropped=0, fps=0.0, source="starting")
+        default_factory=lambda: HealthMessage(
+            frames=0, dropped=0, readings_per_s=0.0, source_state="starting"
+        )
     )
     frames: int = 0
     dropped: int = 0
@@ -256,7 +258,7 @@ def _forget_process(state: SensorState) -> None:
         state.connection.close()
     state.frames += state.health.frames
     state.dropped += state.health.dropped
-    state.health = HealthMessage(frames=0, dropped=0, fps=0.0, source="ended")
+    state.health = HealthMessage(frames=0, dropped=0, readings_per_s=0.0, source_state="ended")
     state.process = state.connection = state.viewer = None
 
 

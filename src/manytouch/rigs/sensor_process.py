@@ -38,14 +38,14 @@ class HealthMessage:
     """Counts of a sensor since its process began.
 
     Attributes:
-        frames, dropped, fps, source: see `manytouch.values.Health`; `source` may also be "starting" or
-            "compiling" before the first frame, and "ended".
+        frames, dropped, readings_per_s, source_state: see `manytouch.values.Health`; the last may also be
+            "starting" or "compiling" before the first frame, and "ended".
     """
 
     frames: int
     dropped: int
-    fps: float
-    source: str
+    readings_per_s: float
+    source_state: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,7 +206,10 @@ def _run(
     def health() -> HealthMessage:
         found = live.health()
         return HealthMessage(
-            frames=found.frames, dropped=found.dropped, fps=found.fps or 0.0, source=found.source
+            frames=found.frames,
+            dropped=found.dropped,
+            readings_per_s=found.readings_per_s or 0.0,
+            source_state=found.source_state,
         )
 
     sinks: list[Sink] = [
@@ -219,7 +222,7 @@ def _run(
         viewer = Viewer(live, host=options.viewer_host, embedded_in=options.page_origin)
         connection.send(NoteMessage(sentence=f"viewer at {viewer.url}", viewer=viewer.url))
         sinks.append(LatestOnly(viewer, interval_s=UPDATE_INTERVAL_S))
-    connection.send(replace(health(), source="compiling"))
+    connection.send(replace(health(), source_state="compiling"))
     if options.out is None:
         run(live, sinks, notes, stop)
         return

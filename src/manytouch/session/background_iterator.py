@@ -30,6 +30,7 @@ class BackgroundIterator(Generic[Item]):
         ahead: int,
         stop: Callable[[], bool] | None = None,
         replaceable: type | None = None,
+        thread_name: str = "manytouch-iterator",
     ) -> None:
         """Prepare; nothing runs yet.
 
@@ -39,6 +40,7 @@ class BackgroundIterator(Generic[Item]):
             stop: called while no item is available; the iteration ends once it returns True.
             replaceable: type of items with which the thread does not wait: one of them takes the place of
                 another that is the last to wait, so that the consumer gets recent ones. None: no item does.
+            thread_name: of the thread, as debuggers and profilers show it.
         """
         self._items = items
         self._waiting: deque[Item | _End] = deque()
@@ -48,7 +50,7 @@ class BackgroundIterator(Generic[Item]):
         self._replaced = 0
         self._is_over = False
         self._change = threading.Condition()
-        self._thread = threading.Thread(target=self._run, name="manytouch-track", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=thread_name, daemon=True)
 
     @property
     def replaced(self) -> int:
@@ -62,6 +64,7 @@ class BackgroundIterator(Generic[Item]):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Ends the thread; waits, without limit, until the iterator returns the item that it computes."""
         with self._change:
             self._is_over = True
             self._change.notify_all()

@@ -33,7 +33,7 @@ from manytouch.session.methods import (
     with_parameter,
     with_parameters,
 )
-from manytouch.session.pacing import LONGEST_NAP_S, Pace
+from manytouch.session.pacing import LONGEST_SLEEP_S, Pace
 from manytouch.session.prepare import Job
 from manytouch.session.recording import SessionRecorder
 from manytouch.session.run import Observer, StopCondition
@@ -153,14 +153,13 @@ class Live:
     def health(self) -> Health:
         """State of source, session and recording."""
         setup, can = self._present, self._job.source.capabilities
-        middle, late = self._meter.latency_ms
-        layout = setup.sensor.layout
+        layout, (median_ms, p99_ms) = setup.sensor.layout, self._meter.latency_ms
         return Health(
             is_running=not self._is_held,
-            source="ok" if can.device is None else can.device.status,
-            fps=self._meter.fps,
-            latency_ms_p50=middle,
-            latency_ms_p99=late,
+            source_state="ok" if can.device is None else can.device.state,
+            readings_per_s=self._meter.readings_per_s,
+            latency_ms_p50=median_ms,
+            latency_ms_p99=p99_ms,
             frames=self._meter.frames,
             dropped=self._dropped + (0 if self._stream is None else self._stream.replaced),
             markers_seen=self._meter.markers_seen,
@@ -197,7 +196,9 @@ class Live:
         switch_interval_s = sys.getswitchinterval()
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         replaceable = TrackedFrame if self._job.source.is_live else None
-        self._stream = BackgroundIterator(self._track(), ahead=AHEAD, stop=stop, replaceable=replaceable)
+        self._stream = BackgroundIterator(
+            self._track(), ahead=AHEAD, stop=stop, replaceable=replaceable, thread_name="manytouch-track"
+        )
         with self._stream as stream:
             try:
                 yield from self._estimate(iter(stream))
@@ -258,7 +259,7 @@ class Live:
                 return
             if self._is_held and not is_live:
                 self._pace.reset()
-                self._is_over.wait(LONGEST_NAP_S)
+                self._is_over.wait(LONGEST_SLEEP_S)
                 continue
             frame = next(self._job.frames, None)
             if frame is None:

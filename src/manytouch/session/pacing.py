@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 
-LONGEST_NAP_S = 0.05
+LONGEST_SLEEP_S = 0.05  # between two checks whether to end; a choice
 
 
 class Pace:
@@ -32,4 +32,4 @@ class Pace:
             self._begin_s, self._first_ns = time.monotonic(), timestamp_ns
         due_s = self._begin_s + (timestamp_ns - self._first_ns) * 1e-9 / self.speed
         while (wait_s := due_s - time.monotonic()) > 0 and not is_over():
-            time.sleep(min(wait_s, LONGEST_NAP_S))
+            time.sleep(min(wait_s, LONGEST_SLEEP_S))

@@ -20,7 +20,7 @@ from manytouch.session.methods import (
     require_method_for,
     with_parameter,
 )
-from manytouch.session.pacing import LONGEST_NAP_S, Pace
+from manytouch.session.pacing import LONGEST_SLEEP_S, Pace
 from manytouch.session.prepare import Job, prepare
 from manytouch.session.run import Observer, StopCondition
 from manytouch.session.throughput import ThroughputMeter
@@ -140,14 +140,14 @@ class Playback:
 
     def health(self) -> Health:
         """State of the playback."""
-        middle, late = self._meter.latency_ms
+        median_ms, p99_ms = self._meter.latency_ms
         layout = self.sensor.layout
         return Health(
             is_running=not (self._is_held or self._is_at_end),
-            source=self._timeline.warning or "ok",
-            fps=self._meter.fps,
-            latency_ms_p50=middle,
-            latency_ms_p99=late,
+            source_state=self._timeline.warning or "ok",
+            readings_per_s=self._meter.readings_per_s,
+            latency_ms_p50=median_ms,
+            latency_ms_p99=p99_ms,
             frames=self._meter.frames,
             dropped=0,
             markers_seen=self._meter.markers_seen,
@@ -196,7 +196,7 @@ class Playback:
                 return begin
             if not self._stays:
                 return None
-            time.sleep(LONGEST_NAP_S)
+            time.sleep(LONGEST_SLEEP_S)
         return None
 
     def _readings(self, begin: int, stop: StopCondition) -> Iterator[Reading]:
@@ -238,7 +238,7 @@ class Playback:
             self._serve_commands()
             while self._is_held and place > begin and self._sought is None and not stop():
                 self._pace.reset()
-                time.sleep(LONGEST_NAP_S)
+                time.sleep(LONGEST_SLEEP_S)
                 self._serve_commands()
             if self._sought is not None or stop():
                 return

@@ -9,6 +9,9 @@ from manytouch.values import Reading
 
 RATE_OVER_NS = 2 * 10**9
 LATENCIES = 300
+"""Readings of whose latency median and 99th percentile are stated: ten seconds at 30 per second. A choice:
+the latter needs some hundred, and with more, the numbers follow a change later."""
+_COUNTED = 1000  # readings for the rate; above 500 per second they span less than two seconds
 
 
 class ThroughputMeter:
@@ -22,7 +25,7 @@ class ThroughputMeter:
     def __init__(self) -> None:
         self.frames = 0
         self.markers_seen = 0
-        self._done_ns: deque[int] = deque(maxlen=1000)
+        self._done_ns: deque[int] = deque(maxlen=_COUNTED)
         self._latency_ms: deque[float] = deque(maxlen=LATENCIES)
 
     def write(self, reading: Reading) -> None:
@@ -38,8 +41,8 @@ class ThroughputMeter:
         """Nothing to finish."""
 
     @property
-    def fps(self) -> float:
-        """Readings per second of the last two seconds."""
+    def readings_per_s(self) -> float:
+        """Of the last two seconds, or of the last `_COUNTED` readings if these took less."""
         now_ns = time.monotonic_ns()
         recent = [done_ns for done_ns in tuple(self._done_ns) if now_ns - done_ns < RATE_OVER_NS]
         span_ns = max(now_ns - recent[0], 1) if len(recent) > 1 else 0
@@ -51,5 +54,5 @@ class ThroughputMeter:
         known = tuple(self._latency_ms)
         if not known:
             return float("nan"), float("nan")
-        middle, late = np.percentile(known, [50, 99])
-        return float(middle), float(late)
+        median_ms, p99_ms = np.percentile(known, [50, 99])
+        return float(median_ms), float(p99_ms)

@@ -15,6 +15,7 @@ from manytouch.recording import SCHEMA
 from manytouch.recording.writer import OutputFile, RecordingWriter, require_mcap
 from manytouch.sinks.files.summary import parameters, versions
 from manytouch.values import Frame, Reading, Sensor
+from manytouch.values.frame import image_format
 
 MAX_QUEUED_BYTES = 64 * 2**20
 RESERVE_BYTES = 16 * 2**20  # of the disk that stay free, for the index of the file and for other programs
@@ -271,7 +272,7 @@ def started_unix_ns(frame: Frame) -> int:
 def encode_frame(frame: Frame) -> tuple[bytes, str]:
     """The encoded image of a frame as the camera sent it, else as PNG, and the format: "jpeg" or "png"."""
     if frame.encoded is not None:
-        return frame.encoded, "png" if frame.encoded.startswith(b"\x89PNG") else "jpeg"
+        return frame.encoded, image_format(frame.encoded)
     if frame.image is None:
         return b"", "png"
     import cv2

@@ -8,8 +8,7 @@ from manytouch.sources.image_header import image_mistake
 from manytouch.sources.quiet_opencv import cv2
 from manytouch.values import Frame
 from manytouch.values.arrays import Image, read_only
-
-PNG_BEGIN = b"\x89PNG"
+from manytouch.values.frame import image_format
 
 
 def decoded(frame: Frame, *, is_colour: bool) -> Frame:
@@ -27,7 +26,7 @@ def decoded(frame: Frame, *, is_colour: bool) -> Frame:
 def decode(encoded: bytes, *, is_colour: bool) -> Image | None:
     """Grey or BGR image of 8 or 16 bits, from a PNG as stored; None when the bytes cannot be decoded."""
     mode = cv2.IMREAD_COLOR if is_colour else cv2.IMREAD_GRAYSCALE
-    if encoded.startswith(PNG_BEGIN):
+    if image_format(encoded) == "png":
         mode = cv2.IMREAD_ANYCOLOR
     if image_mistake(encoded) is not None:
         return None

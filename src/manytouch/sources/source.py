@@ -25,7 +25,7 @@ class Device(Protocol):
     is_colour: bool
 
     @property
-    def status(self) -> str:
+    def state(self) -> str:
         """ "ok", or a sentence about what is wrong."""
 
     def listen(self, tap: Callable[[Frame], None] | None) -> None:

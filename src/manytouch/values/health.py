@@ -61,8 +61,8 @@ class Health:
 
     Attributes:
         is_running: false between `Pause` and `Resume`.
-        source: "ok", or a sentence on what is wrong with the source.
-        fps: readings per second of the last two seconds.
+        source_state: "ok", or a sentence on what is wrong with the source.
+        readings_per_s: of the last two seconds; `Source.fps` is the rate of the source.
         latency_ms_p50, latency_ms_p99: from the arrival of a frame until all sinks have received its reading,
             over the last 300 readings; NaN before the first.
         frames: readings so far.
@@ -86,8 +86,8 @@ class Health:
     """
 
     is_running: bool
-    source: str
-    fps: float
+    source_state: str
+    readings_per_s: float
     latency_ms_p50: float
     latency_ms_p99: float
     frames: int

@@ -1,4 +1,4 @@
-"""What is wrong with a frame, in one word, and what helps."""
+"""What is wrong with a frame, in one word, and what to do about it."""
 
 from enum import StrEnum
 
@@ -6,9 +6,9 @@ from enum import StrEnum
 class Status(StrEnum):
     """State of one frame after a stage of the pipeline; a `str`, written to files as its value.
 
-    Sources yield a frame without an image where a file or a camera has none of the announced size: its status
-    is `DECODE_ERROR`. `WRONG_SIZE` is the status of an image that reaches detection with another size, as
-    frames from Python can.
+    Sources yield a frame without an image where a file or camera has none of the announced size. They cannot
+    state why: its status is `DECODE_ERROR`, whatever the cause. `WRONG_SIZE` is the status of an image that
+    reaches detection with another size, as frames from Python can.
 
     Attributes:
         remedy: one sentence about what to do; empty for `OK`.

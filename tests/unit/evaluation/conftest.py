@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from manytouch.evaluation.records.record import (
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import (
     REGION_COLUMNS,
     ContactRows,
-    EvaluationRecord,
+    EvaluatedRecording,
     contact_rows,
 )
 
@@ -33,12 +33,12 @@ def rows(contacts: Sequence[tuple[float, ...]], **more: Any) -> ContactRows:
     return contact_rows(columns)
 
 
-def record(frames: int = 4, contacts: Sequence[tuple[float, ...]] = (), **changed: Any) -> EvaluationRecord:
+def record(frames: int = 4, contacts: Sequence[tuple[float, ...]] = (), **changed: Any) -> EvaluatedRecording:
     """A sheet of 3 x 5 markers, flat and still; `changed` replaces attributes."""
     row, column = (index.ravel() for index in np.indices((ROWS, COLUMNS)))
     place = np.column_stack([column - (COLUMNS - 1) / 2, row - (ROWS - 1) / 2]).astype(np.float64)
     centre_px = np.tile(100.0 + PITCH_PX * np.column_stack([column, row]), (frames, 1, 1))
-    flat = EvaluationRecord(
+    flat = EvaluatedRecording(
         name="press",
         method="",
         unit="mm",
@@ -63,5 +63,5 @@ def contact_table() -> Callable[..., ContactRows]:
 
 
 @pytest.fixture(scope="session")
-def sheet() -> Callable[..., EvaluationRecord]:
+def sheet() -> Callable[..., EvaluatedRecording]:
     return record

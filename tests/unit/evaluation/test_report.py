@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from manytouch.errors import MissingExtraError, OutputError
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import ContactRows, EvaluatedRecording
 from manytouch.evaluation.metrics.comparison import compare
-from manytouch.evaluation.metrics.metric_specs import METRICS, MetricSpec, verdict, written
+from manytouch.evaluation.metrics.metric_specs import METRICS, MetricSpec, rating, written
 from manytouch.evaluation.metrics.metric_specs import plain as number
-from manytouch.evaluation.records.record import ContactRows, EvaluationRecord
 from manytouch.evaluation.report import page as report
 from manytouch.evaluation.report import svg_theme
 from manytouch.evaluation.report.ratings import cell, limits, rate_methods, table
@@ -24,7 +24,7 @@ from manytouch.evaluation.suite.cases import Case, Touch
 from manytouch.evaluation.suite.runner import Evaluation, Trial
 from manytouch.evaluation.suite.suite import cases
 
-Sheet = Callable[..., EvaluationRecord]
+Sheet = Callable[..., EvaluatedRecording]
 Table = Callable[..., ContactRows]
 FRAMES = 20
 VOID = {"meta", "img", "br", "hr", "link", "input", "path", "use", "image", "rect", "stop"}
@@ -32,7 +32,7 @@ VOID = {"meta", "img", "br", "hr", "link", "input", "path", "use", "image", "rec
 
 def rising(
     sheet: Sheet, contact_table: Table, method: str, wrong: float, *, gives: bool = True
-) -> EvaluationRecord:
+) -> EvaluatedRecording:
     """A dent that deepens under two contacts; `wrong` is the relative error of everything."""
     depth = np.outer(np.linspace(0.5, 4.0, FRAMES), np.hypot(*np.indices((3, 5)).reshape(2, -1)) / 4)
     contacts = [
@@ -232,7 +232,7 @@ def test_a_missing_package_is_named_with_its_extra(package: str, monkeypatch: py
         report.require_packages()
 
 
-# words and verdicts
+# words and ratings
 
 LESS = MetricSpec(section="depth", key="a", label="a", unit="mm", good=0.1, poor=1.0)
 MORE = MetricSpec(section="depth", key="b", label="b", unit="%", good=98.0, poor=80.0)
@@ -252,13 +252,13 @@ AIM = MetricSpec(section="calibration", key="c", label="c", unit="share", good=0
         (MetricSpec(section="depth", key="d", label="d"), 5.0, "none"),
     ],
 )
-def test_verdicts(line: MetricSpec, value: float, word: str) -> None:
-    assert verdict(line, value) == word
+def test_ratings(line: MetricSpec, value: float, word: str) -> None:
+    assert rating(line, value) == word
 
 
 def test_limits_of_lengths_shrink_with_the_pitch() -> None:
-    assert verdict(LESS, 0.09, "mm") == "good"
-    assert verdict(LESS, 0.09, "pitch") == "fair"
+    assert rating(LESS, 0.09, "mm") == "good"
+    assert rating(LESS, 0.09, "pitch") == "fair"
     assert limits(LESS, "pitch") == "≤ 0.025, poor > 0.25"
     assert limits(MORE, "pitch") == "≥ 98, poor < 80"
     assert limits(FACTOR, "mm") == "1 within × 1.5, poor beyond × 3"
@@ -298,8 +298,8 @@ def test_a_separation_never_reached_is_poor_and_without_pairs_is_not_given() -> 
     of_ratio = line.key.replace("from_mm", "pairs")
     never = cell(line, {"separation": {"pairs": 4, of_ratio: 4, line.key: None}}, "mm")
     none = cell(line, {"separation": {"pairs": 4, of_ratio: 0, line.key: None}}, "mm")  # of another ratio
-    assert (never.text, never.verdict) == ("never", "poor")
-    assert (none.text, none.verdict) == ("not given", "none")
+    assert (never.text, never.rating) == ("never", "poor")
+    assert (none.text, none.rating) == ("not given", "none")
 
 
 def test_errors_are_not_ranked_when_different_shares_are_given(evaluation: Evaluation) -> None:

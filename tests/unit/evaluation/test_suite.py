@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from manytouch.evaluation.records.record import EvaluationError
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import EvaluationError
 from manytouch.evaluation.suite.cases import (
     GROUPS,
     HOLD_FRAMES,

@@ -101,10 +101,10 @@ def test_live_readings_have_the_bits_of_offline_ones() -> None:
 def test_health_counts_frames_and_latency() -> None:
     live, _ = run_live(DrawnSource(frames=30, is_touched=False))
     health = live.health()
-    assert (health.frames, health.dropped, health.markers, health.source) == (30, 0, 54, "ok")
+    assert (health.frames, health.dropped, health.markers, health.source_state) == (30, 0, 54, "ok")
     assert health.markers_seen >= 53
     assert 0 < health.latency_ms_p50 <= health.latency_ms_p99 < 5000
-    assert health.fps > 0
+    assert health.readings_per_s > 0
 
 
 def test_gaps_of_a_live_source_count_as_dropped() -> None:
@@ -440,7 +440,7 @@ def test_a_camera_that_goes_and_comes_back_goes_on_and_is_let_go_at_the_end() ->
     reported: list[str] = []
 
     def stop() -> bool:
-        reported.append(live.health().source)
+        reported.append(live.health().source_state)
         if len(seen.readings) == 8 and not out.is_set() and reported[-1] == "ok":
             out.set()
         if "no image" in reported[-1]:
@@ -449,7 +449,7 @@ def test_a_camera_that_goes_and_comes_back_goes_on_and_is_let_go_at_the_end() ->
 
     run(live, [seen], stop=stop)
     assert any("no image from camera-0" in word for word in reported)
-    assert live.health().source == "ok"
+    assert live.health().source_state == "ok"
     indices = np.array([reading.frame.index for reading in seen.readings])
     assert live.health().dropped >= np.sum(np.diff(indices) - 1), "those before the first reading count too"
     assert len(drivers) >= 2

@@ -117,8 +117,8 @@ class Session:
     def health(self) -> Health:
         return Health(
             is_running=True,
-            source="ok",
-            fps=30.0,
+            source_state="ok",
+            readings_per_s=30.0,
             latency_ms_p50=2.0,
             latency_ms_p99=3.0,
             frames=1,

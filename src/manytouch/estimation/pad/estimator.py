@@ -18,10 +18,10 @@ from manytouch.estimation.local_motion import LocalMotion, MarkerGroups, TouchMe
 from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.pad.image_error import ImageError, MeasuredImages
 from manytouch.estimation.pad.pad_contacts import PadContacts, PadShape, pad_shape
-from manytouch.estimation.pad.pad_model import MIN_MARKERS, NominalPad, ObservedPad
+from manytouch.estimation.pad.pad_model import MIN_MARKERS, BondedPadModel, NominalPad
 from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter, misfit_scale, tractions
-from manytouch.estimation.pad.patch_forces import OWN
-from manytouch.estimation.pad.patch_kernels import SHAPE, Profile
+from manytouch.estimation.pad.patch_forces import FORCE, RADIAL_SHEAR
+from manytouch.estimation.pad.patch_kernels import Profile
 from manytouch.estimation.pad.patch_search import PatchCandidates, PatchSearch, ProfileChoice
 from manytouch.estimation.pad.patches import (
     NO_PATCHES,
@@ -59,7 +59,7 @@ class PadState:
         slip, tracks: of the contacts.
     """
 
-    model: ObservedPad
+    model: BondedPadModel
     candidates: PatchCandidates
     neighbours: Neighbours
     around: Float64[np.ndarray, "m m"]
@@ -250,7 +250,7 @@ class PadEstimator:
             )
         return fit, refused_misfit
 
-    def _with_profile(self, model: ObservedPad, fit: PadFit, measured: MeasuredImages) -> PadFit | None:
+    def _with_profile(self, model: BondedPadModel, fit: PadFit, measured: MeasuredImages) -> PadFit | None:
         """The fit with another profile of a wide contact, or with near ones as one, where that is better."""
         if not self.profile_choice.applies(model, fit.patches):
             return None
@@ -272,7 +272,7 @@ class PadEstimator:
         return longer
 
     def _if_better(
-        self, model: ObservedPad, fit: PadFit, patches: Patches, measured: MeasuredImages
+        self, model: BondedPadModel, fit: PadFit, patches: Patches, measured: MeasuredImages
     ) -> PadFit | None:
         """The fit of guesses, unless a contact is not clear or the misfit does not fall by enough."""
         images = self._images(model, measured, fit.marker_mm(model))
@@ -316,7 +316,7 @@ class PadEstimator:
         )
 
     def _fit(
-        self, model: ObservedPad, patches: Patches, measured: MeasuredImages, moved_mm: Points3
+        self, model: BondedPadModel, patches: Patches, measured: MeasuredImages, moved_mm: Points3
     ) -> PadFit:
         """Patches for guesses, first with the weights for displacements (m, 3) of the markers.
 
@@ -336,7 +336,7 @@ class PadEstimator:
         return self.fitter(model, patches, *images)
 
     def _images(
-        self, model: ObservedPad, measured: MeasuredImages, moved_mm: Points3
+        self, model: BondedPadModel, measured: MeasuredImages, moved_mm: Points3
     ) -> tuple[Float64[np.ndarray, " r"], Float64[np.ndarray, " r"]]:
         """(2 m,) displacements without what is not linear in those (m, 3) of the markers; their weights."""
         linear_px = np.einsum("mij,mj->mi", model.slope_px, moved_mm)
@@ -345,7 +345,7 @@ class PadEstimator:
         weight = np.repeat(measured.gate / (measured.noise_px2 + error_px2), 2)
         return (measured.moved_px - curved_px).ravel(), weight
 
-    def _pruned(self, model: ObservedPad, fit: PadFit, measured: MeasuredImages) -> PadFit:
+    def _pruned(self, model: BondedPadModel, fit: PadFit, measured: MeasuredImages) -> PadFit:
         """The fit without contacts that are not significant, and with near ones as one if that is enough."""
         while len(fit.patches) > 0:
             stds = fit.force_mm2 / fit.force_std_mm2
@@ -367,7 +367,7 @@ class PadEstimator:
         return fit
 
     def _surface(
-        self, model: ObservedPad, fit: PadFit, found: Sequence[Contact], shape: PadShape, grid: TrackedGrid
+        self, model: BondedPadModel, fit: PadFit, found: Sequence[Contact], shape: PadShape, grid: TrackedGrid
     ) -> Surface:
         covariance_mm2 = self.pad_contacts.surface_covariance(model, fit, found, shape, grid.is_seen)
         return Surface(
@@ -380,12 +380,12 @@ class PadEstimator:
         )
 
 
-def _nodal_mm2(model: ObservedPad, fit: PadFit, found: Sequence[Contact]) -> Nodal:
+def _nodal_mm2(model: BondedPadModel, fit: PadFit, found: Sequence[Contact]) -> Nodal:
     """(n, 3) nodal forces over E, whose pressures add up to the normal forces of the contacts found."""
-    own = fit.patches.own.copy()
-    own[:, SHAPE] = [contact.normal_force_over_E_mm2 for contact in found]
+    parameters = fit.patches.parameters.copy()
+    parameters[:, FORCE] = [contact.normal_force_over_E_mm2 for contact in found]
     # the radial shear is over the normal force
-    own[:, OWN - 1] *= np.divide(
-        fit.force_mm2, own[:, SHAPE], where=own[:, SHAPE] != 0.0, out=np.ones(len(own))
+    parameters[:, RADIAL_SHEAR] *= np.divide(
+        fit.force_mm2, parameters[:, FORCE], where=parameters[:, FORCE] != 0.0, out=np.ones(len(parameters))
     )
-    return model.by_node(tractions(model, Patches(own=own, profile=fit.patches.profile)))
+    return model.by_node(tractions(model, Patches(parameters=parameters, profile=fit.patches.profile)))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.estimation.pad.pad_model import ObservedPad
+from manytouch.estimation.pad.pad_model import BondedPadModel
 from manytouch.values.arrays import Points2, Scalars, read_only
 
 
@@ -53,14 +53,14 @@ class ImageError:
     nominal_share: float = 0.25
     nominal_reach: float = 1.0
 
-    def weights(self, model: ObservedPad) -> Float64[np.ndarray, "m m"]:
+    def weights(self, model: BondedPadModel) -> Float64[np.ndarray, "m m"]:
         """Weights of the markers in the mean around each; rows add up to 1."""
         place_mm = model.layout.rest_mm[:, :2] / (self.around * model.thickness_mm)
         weight = np.exp(-0.5 * ((place_mm[:, None] - place_mm) ** 2).sum(axis=2))
         return read_only(weight / weight.sum(axis=1, keepdims=True))
 
     def __call__(
-        self, model: ObservedPad, weights: Float64[np.ndarray, "m m"], moved_px2: Scalars
+        self, model: BondedPadModel, weights: Float64[np.ndarray, "m m"], moved_px2: Scalars
     ) -> Scalars:
         """(m,) variances along an axis, px^2, of markers that are treated as independent.
 

@@ -9,10 +9,18 @@ from jaxtyping import Float64, Int64
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.regions.footprints import Footprint, Footprints
 from manytouch.estimation.mechanics.regions.outlines import polygon_area, within_rectangle
-from manytouch.estimation.pad.pad_model import MOTIONS, ObservedPad
+from manytouch.estimation.pad.pad_model import MOTIONS, BondedPadModel
 from manytouch.estimation.pad.patch_fit import PadFit, forced, misfit_scale
-from manytouch.estimation.pad.patch_forces import OWN, fill_basis, fill_effects
-from manytouch.estimation.pad.patch_kernels import SHAPE
+from manytouch.estimation.pad.patch_forces import (
+    FORCE,
+    PARAMETER_COUNT,
+    SHEAR_X,
+    SHEAR_Y,
+    TORQUE,
+    fill_basis,
+    fill_effects,
+)
+from manytouch.estimation.pad.patch_kernels import CENTRE_X, CENTRE_Y, ROOT_XX, ROOT_YX, ROOT_YY, SHAPE
 from manytouch.geometry.refraction import project_through_window
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values import ESTIMATES, Contact, Phase
@@ -63,7 +71,7 @@ def large_strain(depth_mm: Scalars, thickness_mm: float) -> Scalars:
     return np.where(depth_mm > 0.0, pressed, depth_mm)
 
 
-def pad_shape(model: ObservedPad, fit: PadFit) -> PadShape:
+def pad_shape(model: BondedPadModel, fit: PadFit) -> PadShape:
     """The pad under fitted patches."""
     nodal_mm2 = fit.nodal_mm2(model)
     node = np.flatnonzero(nodal_mm2.any(axis=1))
@@ -125,7 +133,7 @@ class PadContacts:
     area_share: float = 0.25
     most_depth_std: float = 0.5
 
-    def __call__(self, model: ObservedPad, fit: PadFit, shape: PadShape) -> list[Contact]:
+    def __call__(self, model: BondedPadModel, fit: PadFit, shape: PadShape) -> list[Contact]:
         """Contacts of a fit, without identity (id -1)."""
         if len(fit.patches) == 0:
             return []
@@ -137,7 +145,7 @@ class PadContacts:
         return float(np.linalg.norm((share, self.large_strain * strain, 0.5 * self.wide * width**2)))
 
     def surface_covariance(
-        self, model: ObservedPad, fit: PadFit, found: Sequence[Contact], shape: PadShape, is_seen: Mask
+        self, model: BondedPadModel, fit: PadFit, found: Sequence[Contact], shape: PadShape, is_seen: Mask
     ) -> Covariances3:
         """(m, 3, 3) covariances of the contact face over the markers, mm^2.
 
@@ -156,25 +164,28 @@ class PadContacts:
         return covariance
 
     def _contact(
-        self, model: ObservedPad, fit: PadFit, shape: PadShape, clusters: Clusters, number: int
+        self, model: BondedPadModel, fit: PadFit, shape: PadShape, clusters: Clusters, number: int
     ) -> Contact:
-        own = fit.patches.own[number]
+        parameters = fit.patches.parameters[number]
         depth_mm, slope, moved_mm = _depth(model, fit, shape, number)
         per_mm = self.stiffening / model.thickness_mm
         stiffer = 1.0 + per_mm * max(depth_mm, 0.0)
-        centre_mm, press_mm2 = own[:2], stiffer * float(own[SHAPE])
+        centre_mm, press_mm2 = parameters[:2], stiffer * float(parameters[FORCE])
         slope[_NORMAL] *= stiffer
         if depth_mm > 0.0:
-            slope[_NORMAL] += own[SHAPE] * per_mm * slope[_DEPTH]
+            slope[_NORMAL] += parameters[FORCE] * per_mm * slope[_DEPTH]
         part = np.r_[
-            OWN * number : OWN * (number + 1), OWN * len(fit.patches) + MOTIONS : len(fit.covariance)
+            PARAMETER_COUNT * number : PARAMETER_COUNT * (number + 1),
+            PARAMETER_COUNT * len(fit.patches) + MOTIONS : len(fit.covariance),
         ]
         covariance = misfit_scale(fit) * slope @ fit.covariance[np.ix_(part, part)] @ slope.T
         by_sheet = slope @ fit.by_sheet[part]
         covariance += by_sheet @ by_sheet.T
         footprint = _on_pad(self.footprints(clusters, number, model.pitch_mm), model)
         area_mm2 = footprint.area_mm2
-        root_trace_mm = float(np.sqrt(own[2] ** 2 + own[3] ** 2 + own[4] ** 2))
+        root_trace_mm = float(
+            np.sqrt(parameters[ROOT_XX] ** 2 + parameters[ROOT_YX] ** 2 + parameters[ROOT_YY] ** 2)
+        )
         place_mm = np.hypot(self.position_pitch * model.pitch_mm, self.position_root * root_trace_mm)
         std = np.zeros(len(ESTIMATES))
         std[:2] = place_mm
@@ -197,7 +208,7 @@ class PadContacts:
             depth_mm = np.nan
             covariance[_DEPTH, :] = covariance[:, _DEPTH] = np.nan
         common = np.zeros(len(ESTIMATES))
-        common[_FORCES] = own[6], own[7], press_mm2, own[8]
+        common[_FORCES] = parameters[SHEAR_X], parameters[SHEAR_Y], press_mm2, parameters[TORQUE]
         covariance = covariance + (model.young_std**2 + model.scale_std**2) * np.outer(common, common)
         young_MPa = np.nan if model.young_MPa is None else model.young_MPa
         unit = np.ones(len(ESTIMATES))
@@ -210,12 +221,12 @@ class PadContacts:
             centre_mm=read_only(centre_mm.copy()),
             centre_px=read_only(centre_px),
             depth_mm=depth_mm,
-            force_N=read_only(young_MPa * np.array([own[6], own[7], -press_mm2])),
-            torque_Nmm=float(young_MPa * own[8]),
+            force_N=read_only(young_MPa * np.array([parameters[SHEAR_X], parameters[SHEAR_Y], -press_mm2])),
+            torque_Nmm=float(young_MPa * parameters[TORQUE]),
             area_mm2=area_mm2,
             covariance=read_only(covariance * np.outer(unit, unit)),
             normal_force_over_E_mm2=press_mm2,
-            shear_over_E_mm2=(float(own[6]), float(own[7])),
+            shear_over_E_mm2=(float(parameters[SHEAR_X]), float(parameters[SHEAR_Y])),
             half_major_mm=footprint.half_major_mm,
             half_minor_mm=footprint.half_minor_mm,
             orientation_rad=footprint.orientation_rad,
@@ -226,42 +237,45 @@ class PadContacts:
 
 
 def _depth(
-    model: ObservedPad, fit: PadFit, shape: PadShape, number: int
+    model: BondedPadModel, fit: PadFit, shape: PadShape, number: int
 ) -> tuple[float, Float64[np.ndarray, "8 p"], Float64[np.ndarray, "3"]]:
     """Largest depth of a contact; derivatives of `ESTIMATES`; displacement of its centre.
 
     The derivatives are by the parameters of the contact, then by those of the pad. Areas have none.
     """
-    own, profile = fit.patches.own[number], int(fit.patches.profile[number])
-    root = np.array([[own[2], 0.0], [own[3], own[4]]])
-    place_mm = np.ascontiguousarray(own[:2] + _RING_ROOTS[profile] * _RING @ root.T)
+    parameters, profile = fit.patches.parameters[number], int(fit.patches.profile[number])
+    root = np.array([[parameters[ROOT_XX], 0.0], [parameters[ROOT_YX], parameters[ROOT_YY]]])
+    place_mm = np.ascontiguousarray(parameters[:2] + _RING_ROOTS[profile] * _RING @ root.T)
     node, value = _basis(model, place_mm)
     moved_mm = np.einsum("kn,kni->ki", value, shape.coefficient_mm[node])
     deepest = int(np.argmin(moved_mm[:, 2]))
     linear_mm = -float(value[deepest] @ shape.linear_mm[node[deepest], 2])
-    plain_mm = _unresolved_depth(model, own, profile) if deepest == 0 else 0.0
+    plain_mm = _unresolved_depth(model, parameters, profile) if deepest == 0 else 0.0
     linear_mm += plain_mm
     depth_mm = float(large_strain(np.array([linear_mm]), model.thickness_mm)[0])
     # the face is symmetric
     by_node = (value[deepest] @ model.face[node[deepest], 2].reshape(16, -1)).reshape(-1, 3)
-    slope = np.zeros((len(ESTIMATES), OWN + len(fit.sheet)))
-    step = np.full(OWN, _STEP_MM)
-    step[SHAPE:] = 1e-3 * max(abs(float(own[SHAPE])), 1e-9)
-    fill_effects(own, profile, step, model.grid, -model.by_place(by_node), slope[_DEPTH, :OWN])
-    for parameter in (2, 4, SHAPE) if deepest == 0 else ():  # what is not resolved depends on these only
-        changed = own.copy()
+    slope = np.zeros((len(ESTIMATES), PARAMETER_COUNT + len(fit.sheet)))
+    step = np.full(PARAMETER_COUNT, _STEP_MM)
+    step[SHAPE:] = 1e-3 * max(abs(float(parameters[FORCE])), 1e-9)
+    fill_effects(
+        parameters, profile, step, model.grid, -model.by_place(by_node), slope[_DEPTH, :PARAMETER_COUNT]
+    )
+    # what is not resolved depends on these parameters only
+    for parameter in (ROOT_XX, ROOT_YY, FORCE) if deepest == 0 else ():
+        changed = parameters.copy()
         changed[parameter] += step[parameter]
         slope[_DEPTH, parameter] += (_unresolved_depth(model, changed, profile) - plain_mm) / step[parameter]
     around = model.depth_by_parameter[:, node[deepest]] @ -shape.nodal_mm2[:, 2]
-    slope[_DEPTH, OWN : OWN + len(around)] = around @ value[deepest]
+    slope[_DEPTH, PARAMETER_COUNT : PARAMETER_COUNT + len(around)] = around @ value[deepest]
     slope[_DEPTH] *= depth_mm / max(linear_mm, 1e-9)
-    for parameter, estimate in enumerate(("normal_force", "shear_x", "shear_y", "torque"), SHAPE):
+    for parameter, estimate in enumerate(("normal_force", "shear_x", "shear_y", "torque"), FORCE):
         slope[ESTIMATES.index(estimate), parameter] = 1.0
-    slope[0, 0] = slope[1, 1] = 1.0
+    slope[0, CENTRE_X] = slope[1, CENTRE_Y] = 1.0
     return depth_mm, slope, moved_mm[0]
 
 
-def _on_pad(footprint: Footprint, model: ObservedPad) -> Footprint:
+def _on_pad(footprint: Footprint, model: BondedPadModel) -> Footprint:
     """The footprint without what is beyond the outline of the pad."""
     low_mm = np.asarray(model.patch.corner_mm)
     high_mm = low_mm + np.asarray(model.patch.size_mm)
@@ -276,7 +290,7 @@ def _on_pad(footprint: Footprint, model: ObservedPad) -> Footprint:
 
 
 def _basis(
-    model: ObservedPad, place_mm: Points2
+    model: BondedPadModel, place_mm: Points2
 ) -> tuple[Int64[np.ndarray, "k 16"], Float64[np.ndarray, "k 16"]]:
     """Numbers of the nodes and values of the B-splines at places (k, 2) on the pad."""
     first, value = np.empty((len(place_mm), 2), dtype=np.int64), np.empty((len(place_mm), 4, 4))
@@ -290,17 +304,17 @@ def _basis(
     return node.reshape(-1, 16), value.reshape(-1, 16)
 
 
-def _unresolved_depth(model: ObservedPad, own: np.ndarray, profile: int) -> float:
+def _unresolved_depth(model: BondedPadModel, parameters: np.ndarray, profile: int) -> float:
     """Depth at the centre of a patch that its nodes cannot show, after that of a half-space.
 
     The centre of a patch of radius a on a half-space is c (1 - nu^2) F / (pi a E) deep; c is 3 pi / 4 for a
     dome (H. Hertz 1882), 2 for a flat pressure, 1 for one on the rim. The elements widen
     the root of a second moment to the root of its square plus that of `_ELEMENT_ROOT` elements.
     """
-    root_mm = float(np.sqrt(abs(own[2] * own[4])))
+    root_mm = float(np.sqrt(abs(parameters[ROOT_XX] * parameters[ROOT_YY])))
     wide_mm = float(np.hypot(root_mm, _ELEMENT_ROOT * max(model.grid.step_x, model.grid.step_y)))
     share = _CENTRE_DEPTH[profile] * (1.0 - model.poisson**2) / np.pi
-    return float(share * own[SHAPE] * (1.0 / root_mm - 1.0 / wide_mm))
+    return float(share * parameters[FORCE] * (1.0 / root_mm - 1.0 / wide_mm))
 
 
 def _noise_px(fit: PadFit) -> float:
@@ -309,22 +323,22 @@ def _noise_px(fit: PadFit) -> float:
     return float(1.0 / np.sqrt(np.median(used))) if len(used) else np.nan
 
 
-def _clusters(model: ObservedPad, fit: PadFit) -> Clusters:
+def _clusters(model: BondedPadModel, fit: PadFit) -> Clusters:
     """The patches as what `Footprints` computes regions of."""
     count = len(fit.patches)
     spread, covariance = np.empty((count, 2, 2)), np.empty((count, 6, 6))
     scale = misfit_scale(fit)
     order = [SHAPE, 0, 1, 2, 3, 4]
-    for number, (xx, yx, yy) in enumerate(fit.patches.own[:, 2:SHAPE]):
+    for number, (xx, yx, yy) in enumerate(fit.patches.parameters[:, ROOT_XX:SHAPE]):
         spread[number] = [[xx * xx, xx * yx], [xx * yx, yx * yx + yy * yy]]
         change = np.eye(6)
         change[3:, 3:] = [[2.0 * xx, 0.0, 0.0], [yx, xx, 0.0], [0.0, 2.0 * yx, 2.0 * yy]]
-        at = OWN * number + np.array(order)
+        at = PARAMETER_COUNT * number + np.array(order)
         covariance[number] = scale * change @ fit.covariance[np.ix_(at, at)] @ change.T
     return Clusters(
-        centre_mm=fit.patches.own[:, :2],
-        force_mm2=np.column_stack([fit.patches.own[:, 6:8], -fit.force_mm2]),
-        torque_mm3=fit.patches.own[:, 8],
+        centre_mm=fit.patches.parameters[:, :2],
+        force_mm2=np.column_stack([fit.patches.parameters[:, SHEAR_X:TORQUE], -fit.force_mm2]),
+        torque_mm3=fit.patches.parameters[:, TORQUE],
         spread_mm2=spread,
         covariance=covariance,
         sheet_covariance=np.zeros((count, 6, 6)),

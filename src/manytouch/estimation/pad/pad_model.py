@@ -23,16 +23,22 @@ MOTIONS = 4
 """Motion of the whole image: shift x, y in px; growth and turn about the middle, as ratio and in rad."""
 FACE_THICKNESS_MM = 1e-3
 """Thickness in the `SheetSpline` of a pad, whose spline is the contact face itself."""
-_REACH = 3.0  # distance in thicknesses beyond which a layer does not move
-_PERIOD = 8.0  # of the layer's loads, in thicknesses
-_DISTANCES = 300  # of the table of the layer
-_ROOTS = (0.05, 0.6, 14)  # of its Gaussians, in thicknesses: least, largest, number
+_LAYER_REACH = 3.0
+"""Distance from a load, in thicknesses, up to which the exact response of a layer is used. Further away all
+motion is in `BondedPadModel.by_sides`: by shear it is up to 7 % of the largest, and smooth."""
+_PERIOD = 8.0
+"""Of loads of the layer on nodes, in thicknesses: copies of a load are 5 or more from where it is used,
+where they move markers by less than 1 % of the largest motion by shear, 3 % in the plane by pressure."""
+_DISTANCES = 300  # of the table of the layer; linear interpolation is within 0.6 % of the largest motion
+_ROOTS = (0.05, 0.6, 14)
+"""Of its Gaussians, in thicknesses: least, largest, number; linear interpolation between two is within 1.5 %
+of the largest motion."""
 _STEP_MM = 1e-4  # of the derivative of the projection
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class ObservedPad:
-    """A bonded pad as its markers show it. Forces are over E, images in px.
+class BondedPadModel:
+    """A bonded pad under a camera: what stays the same between frames. Forces are over E, images in px.
 
     Attributes:
         camera, layout, sheet: of the sensor.
@@ -132,7 +138,7 @@ class NominalPad:
     element_thickness: float = 1.0 / 3.0
     max_elements: int = 27
 
-    def __call__(self, sensor: Sensor) -> ObservedPad:
+    def __call__(self, sensor: Sensor) -> BondedPadModel:
         """The model of a sensor's pad.
 
         Raises:
@@ -168,7 +174,7 @@ class NominalPad:
         focal = cameras.fx_px / sensor.camera.fx_px
         distance = float(cameras.translation_mm[2] / abs(sensor.camera.translation_mm[2]))
         pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
-        return ObservedPad(
+        return BondedPadModel(
             camera=sensor.camera,
             layout=layout,
             sheet=sheet,
@@ -233,7 +239,7 @@ def _layer(
         sheet.marker_depth_mm or 0.0,
     )
     away_mm = layout.rest_mm[:, None, :2] - patch.place_mm
-    is_near = np.linalg.norm(away_mm, axis=2) < _REACH * sheet.thickness_mm
+    is_near = np.linalg.norm(away_mm, axis=2) < _LAYER_REACH * sheet.thickness_mm
     place = (away_mm[is_near] / step_mm).T
     found = np.zeros((*away_mm.shape[:2], 3, 3))
     for i, load in np.ndindex(3, 3):
@@ -268,7 +274,7 @@ def _grid(patch: SplinePatch) -> PadGrid:
 
 def layer_table(thickness_mm: float, poisson: float, depth_mm: float) -> LayerTable:
     """The response of an unbounded layer at a depth below its face."""
-    distance_mm = np.linspace(0.0, _REACH * thickness_mm, _DISTANCES)
+    distance_mm = np.linspace(0.0, _LAYER_REACH * thickness_mm, _DISTANCES)
     root_mm = thickness_mm * np.geomspace(*_ROOTS)
     value = radial_table(distance_mm, root_mm, thickness_mm, poisson, depth_mm)
     return LayerTable(

@@ -13,8 +13,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.estimation.pad.pad_model import MOTIONS, ObservedPad
-from manytouch.estimation.pad.patch_forces import LOAD_COUNT, OWN, add_answers, add_tractions
+from manytouch.estimation.pad.pad_model import MOTIONS, BondedPadModel
+from manytouch.estimation.pad.patch_forces import (
+    FORCE,
+    LOAD_COUNT,
+    PARAMETER_COUNT,
+    add_answers,
+    add_tractions,
+)
 from manytouch.estimation.pad.patch_kernels import (
     DENSE_POINTS,
     DENSEST_POINTS,
@@ -25,6 +31,7 @@ from manytouch.estimation.pad.patch_kernels import (
     add_layer_images,
     add_pressure,
     density,
+    moment_trace,
 )
 from manytouch.estimation.pad.patch_prior import PatchPrior
 from manytouch.estimation.pad.patch_slopes import PatchPad
@@ -69,9 +76,9 @@ class PadFit:
         weight: (2 m,) inverse variances of the measurement, 0 where not seen.
         sheet: (k,) Poisson's ratio, thickness and depth of the markers, in standard deviations from those
             of the sensor.
-        covariance: (OWN c + MOTIONS + k, ...) of all parameters by noise and priors.
-        by_sheet: (OWN c + MOTIONS + k, f) their change by the share of each parameter's deviation that is not
-            fitted.
+        covariance: (PARAMETER_COUNT c + MOTIONS + k, ...) of all parameters by noise and priors.
+        by_sheet: (PARAMETER_COUNT c + MOTIONS + k, f) their change by the share of each parameter's deviation
+            that is not fitted.
     """
 
     patches: Patches
@@ -86,34 +93,34 @@ class PadFit:
     @property
     def force_mm2(self) -> Scalars:
         """(c,) normal forces over E, positive in compression."""
-        return self.patches.own[:, SHAPE]
+        return self.patches.parameters[:, FORCE]
 
     @property
     def force_std_mm2(self) -> Scalars:
         """(c,) their standard deviations by noise and priors."""
-        at = OWN * np.arange(len(self.patches)) + SHAPE
+        at = PARAMETER_COUNT * np.arange(len(self.patches)) + FORCE
         return np.asarray(np.sqrt(np.diag(self.covariance)[at]))
 
-    def marker_mm(self, model: ObservedPad) -> Points3:
+    def marker_mm(self, model: BondedPadModel) -> Points3:
         """(m, 3) linear displacement of the markers."""
         return forced(self.nodal_mm2(model), model.marker)
 
-    def nodal_mm2(self, model: ObservedPad) -> Nodal:
+    def nodal_mm2(self, model: BondedPadModel) -> Nodal:
         """(n, 3) nodal forces over E of all contacts."""
         return model.by_node(tractions(model, self.patches))
 
 
 def misfit_scale(fit: PadFit) -> float:
     """Misfit per degree of freedom, at least 1."""
-    freedom = int((fit.weight > 0.0).sum()) - OWN * len(fit.patches) - MOTIONS
+    freedom = int((fit.weight > 0.0).sum()) - PARAMETER_COUNT * len(fit.patches) - MOTIONS
     return max(1.0, float(fit.weight @ fit.residual_px**2) / max(freedom, 1))
 
 
-def tractions(model: ObservedPad, patches: Patches) -> Float64[np.ndarray, "nx ny 3"]:
+def tractions(model: BondedPadModel, patches: Patches) -> Float64[np.ndarray, "nx ny 3"]:
     """Nodal forces over E of patches."""
     spread, nodal = np.zeros((2, DISTRIBUTION_COUNT, model.grid.count_x + 3, model.grid.count_y + 3))
-    for own, profile in zip(patches.own, patches.profile.tolist(), strict=True):
-        add_tractions(own, profile, model.grid, density(own, model.grid), spread, nodal)
+    for parameters, profile in zip(patches.parameters, patches.profile.tolist(), strict=True):
+        add_tractions(parameters, profile, model.grid, density(parameters, model.grid), spread, nodal)
     return np.moveaxis(nodal, 0, -1)
 
 
@@ -142,7 +149,7 @@ class PatchFitter:
 
     def __call__(
         self,
-        model: ObservedPad,
+        model: BondedPadModel,
         patches: Patches,
         measured_px: Float64[np.ndarray, " r"],
         weight: Float64[np.ndarray, " r"],
@@ -167,12 +174,12 @@ class PatchFitter:
         if not is_sheet_known and count > 0:
             sheet = np.stack(
                 [
-                    _by_sheet(model, own[:SHAPE], profile)
-                    for own, profile in zip(patches.own, patches.profile.tolist(), strict=True)
+                    _by_sheet(model, parameters[:SHAPE], profile)
+                    for parameters, profile in zip(patches.parameters, patches.profile.tolist(), strict=True)
                 ]
             )
         common = Common(motion=model.motion, sheet=sheet, std=self._common_std(parameters))
-        theta = np.concatenate([patches.own.ravel(), np.zeros(MOTIONS + parameters)])
+        theta = np.concatenate([patches.parameters.ravel(), np.zeros(MOTIONS + parameters)])
         work = Work(
             residual=np.empty(rows),
             tried=np.empty(rows),
@@ -199,7 +206,7 @@ class PatchFitter:
         if with_covariance:
             covariance, by_sheet = self._covariances(work.curved, count)
         return PadFit(
-            patches=Patches(own=contacts, profile=patches.profile),
+            patches=Patches(parameters=contacts, profile=patches.profile),
             motion=motion,
             sheet=fitted,
             misfit=misfit,
@@ -215,7 +222,7 @@ class PatchFitter:
         """`PadFit.covariance` and `PadFit.by_sheet` by the curvature of the misfit."""
         size = np.sqrt(np.diag(curved))
         covariance = np.linalg.inv(curved / np.outer(size, size)) / np.outer(size, size)
-        common = count * OWN + MOTIONS
+        common = count * PARAMETER_COUNT + MOTIONS
         by_sheet = np.zeros((len(curved), _FITTED))
         by_sheet[:common] = -np.linalg.solve(
             curved[:common, :common], curved[:common, common : common + _FITTED]
@@ -229,7 +236,7 @@ class PatchFitter:
         return covariance, by_sheet
 
     def images(
-        self, model: ObservedPad, shapes: Float64[np.ndarray, "s 5"], profile: Profile = Profile.DOME
+        self, model: BondedPadModel, shapes: Float64[np.ndarray, "s 5"], profile: Profile = Profile.DOME
     ) -> PatchImages:
         """Images of a contact with each of the shapes (s, SHAPE)."""
         grid, count = model.grid, len(shapes)
@@ -255,7 +262,7 @@ class PatchFitter:
         sheet[_FITTED:] = _KEPT_STD
         return np.array([self.shift_px, self.shift_px, self.growth, self.turn_rad, *sheet])
 
-    def _limits(self, model: ObservedPad, least_gain: float) -> Limits:
+    def _limits(self, model: BondedPadModel, least_gain: float) -> Limits:
         """How far contacts may go, and when an iteration ends."""
         wide_mm, high_mm = model.patch.size_mm
         return Limits(
@@ -271,9 +278,9 @@ class PatchFitter:
 
 
 def _parts(theta: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Views of the parameters: (count, OWN) of contacts, (MOTIONS,) of the image, (k,) of the pad."""
-    own = OWN * count
-    return theta[:own].reshape(count, OWN), theta[own : own + MOTIONS], theta[own + MOTIONS :]
+    """Views of parameters: (count, PARAMETER_COUNT) of contacts, (MOTIONS,) of the image, (k,) of the pad."""
+    end = PARAMETER_COUNT * count
+    return theta[:end].reshape(count, PARAMETER_COUNT), theta[end : end + MOTIONS], theta[end + MOTIONS :]
 
 
 def forced(nodal_mm2: Nodal, answer: Float64[np.ndarray, "nodes 3 k 3"]) -> Points3:
@@ -300,7 +307,7 @@ def _unit_loads(by_x: np.ndarray, by_y: np.ndarray, by_z: np.ndarray) -> Float64
 
 
 def _by_sheet(
-    model: ObservedPad, shape: Float64[np.ndarray, "5"], profile: int
+    model: BondedPadModel, shape: Float64[np.ndarray, "5"], profile: int
 ) -> Float64[np.ndarray, "k 5 r"]:
     """(k, LOAD_COUNT, 2 m) changes of the images of a shape by the parameters of the pad."""
     nodal = np.zeros((DISTRIBUTION_COUNT, model.grid.count_x + 3, model.grid.count_y + 3))
@@ -314,12 +321,12 @@ def _by_sheet(
     return column
 
 
-def _points(model: ObservedPad, shape: np.ndarray, profile: int) -> Float64[np.ndarray, "q 3"]:
+def _points(model: BondedPadModel, shape: np.ndarray, profile: int) -> Float64[np.ndarray, "q 3"]:
     """The quadrature of the nodal forces of a shape."""
     return np.asarray((POINTS, DENSE_POINTS, DENSEST_POINTS)[density(shape, model.grid)][profile])
 
 
 def _load_scale(shape: np.ndarray) -> Float64[np.ndarray, "2"]:
     """What the torque and the radial shear of a shape are divided by."""
-    trace = shape[2] ** 2 + shape[3] ** 2 + shape[4] ** 2
+    trace = moment_trace(shape)
     return np.array([trace, np.sqrt(0.5 * trace)])

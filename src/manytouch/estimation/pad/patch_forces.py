@@ -15,19 +15,22 @@ from manytouch.estimation.pad.patch_kernels import (
     add_pressure,
     cubic,
     density,
+    moment_trace,
 )
 
 LOAD_COUNT = 5
 """Number of loads of a contact: normal force, shear x, y and torque, over E; radial shear over normal
 force."""
-OWN = SHAPE + LOAD_COUNT
+PARAMETER_COUNT = SHAPE + LOAD_COUNT
 """Number of parameters of a contact: those of its shape, then its loads."""
+FORCE, SHEAR_X, SHEAR_Y, TORQUE, RADIAL_SHEAR = range(SHAPE, PARAMETER_COUNT)
+"""Places of the loads among the parameters."""
 
 
 @kernel()
 @no_type_check
 def add_tractions(
-    own: Float64[np.ndarray, "10"],
+    parameters: Float64[np.ndarray, "10"],
     profile: int,
     grid: PadGrid,
     level: int,
@@ -40,21 +43,24 @@ def add_tractions(
     """
     spread[:] = 0.0
     points = DENSEST_POINTS if level == 2 else DENSE_POINTS if level == 1 else POINTS
-    add_pressure(own, grid, points[profile], spread)
-    trace = own[2] * own[2] + own[3] * own[3] + own[4] * own[4]
-    turn, grow = own[8] / trace, own[5] * own[9] / np.sqrt(0.5 * trace)
+    add_pressure(parameters, grid, points[profile], spread)
+    trace = moment_trace(parameters)
+    turn, grow = (
+        parameters[TORQUE] / trace,
+        parameters[FORCE] * parameters[RADIAL_SHEAR] / np.sqrt(0.5 * trace),
+    )
     for i in range(spread.shape[1]):
         for j in range(spread.shape[2]):
             even, by_x, by_y = spread[0, i, j], spread[1, i, j], spread[2, i, j]
-            nodal[0, i, j] += own[6] * even - turn * by_y + grow * by_x
-            nodal[1, i, j] += own[7] * even + turn * by_x + grow * by_y
-            nodal[2, i, j] -= own[5] * even
+            nodal[0, i, j] += parameters[SHEAR_X] * even - turn * by_y + grow * by_x
+            nodal[1, i, j] += parameters[SHEAR_Y] * even + turn * by_x + grow * by_y
+            nodal[2, i, j] -= parameters[FORCE] * even
 
 
 @kernel()
 @no_type_check
 def fill_effects(
-    own: Float64[np.ndarray, "10"],
+    parameters: Float64[np.ndarray, "10"],
     profile: int,
     step: Float64[np.ndarray, "10"],
     grid: PadGrid,
@@ -63,12 +69,12 @@ def fill_effects(
 ) -> None:
     """Slopes, over steps of each parameter of a contact, of its nodal forces times their effects, summed."""
     shape = (3, effect.shape[0], effect.shape[1])
-    spread, nodal, moved = np.empty(shape), np.zeros(shape), own.copy()
-    level = density(own, grid)
-    add_tractions(own, profile, grid, level, spread, nodal)
+    spread, nodal, moved = np.empty(shape), np.zeros(shape), parameters.copy()
+    level = density(parameters, grid)
+    add_tractions(parameters, profile, grid, level, spread, nodal)
     change = np.empty(shape)
-    for parameter in range(OWN):
-        moved[parameter] = own[parameter] + step[parameter]
+    for parameter in range(PARAMETER_COUNT):
+        moved[parameter] = parameters[parameter] + step[parameter]
         change[:] = -nodal
         add_tractions(moved, profile, grid, level, spread, change)
         total = 0.0
@@ -77,7 +83,7 @@ def fill_effects(
                 for axis in range(3):
                     total += change[axis, i, j] * effect[i, j, axis]
         slope[parameter] = total / step[parameter]
-        moved[parameter] = own[parameter]
+        moved[parameter] = parameters[parameter]
 
 
 @kernel()
@@ -96,6 +102,14 @@ def fill_basis(
         for i in range(4):
             for j in range(4):
                 value[k, i, j] = along_x[i] * along_y[j]
+
+
+@kernel(fastmath=REORDER)
+@no_type_check
+def add_scaled(factor: float, values: Float64[np.ndarray, " r"], total: Float64[np.ndarray, " r"]) -> None:
+    """Add values times a factor to `total`, r each."""
+    for k in range(len(total)):
+        total[k] += factor * values[k]
 
 
 @kernel(fastmath=REORDER)

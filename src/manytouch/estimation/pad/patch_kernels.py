@@ -12,6 +12,8 @@ from manytouch.compilation import kernel, no_type_check
 SHAPE = 5
 """Number of parameters of the shape of a patch, mm: centre x, y, and the triangular root xx, yx, yy of the
 second moment of its pressure."""
+CENTRE_X, CENTRE_Y, ROOT_XX, ROOT_YX, ROOT_YY = range(SHAPE)
+"""Places of the parameters of the shape."""
 DISTRIBUTION_COUNT = 3
 """Number of distributions of unit load over a patch: as its pressure; that times x and y from its centre."""
 
@@ -102,7 +104,7 @@ patches."""
 DENSE_POINTS, DENSEST_POINTS = _quadratures(9, 27), _quadratures(15, 45)
 """For nodal forces of patches with roots of more than `_DENSE` and `_DENSEST` elements, on which fewer points
 would be separate loads."""
-_BLOB = np.array([0.5, 0.3, 0.2])
+_GAUSSIAN_ROOT_SHARE = np.array([0.5, 0.3, 0.2])
 """Roots of the Gaussians that make up a patch of each profile, over its own: as narrow as the distance of
 their places allows."""
 _DENSE, _DENSEST = 0.75, 2.5
@@ -112,10 +114,18 @@ _DENSE, _DENSEST = 0.75, 2.5
 @no_type_check
 def density(shape: Float64[np.ndarray, " k"], grid: PadGrid) -> int:
     """Which of the quadratures the nodal forces of a patch need: 0, 1 or 2."""
-    wide_x = abs(shape[2]) / grid.step_x
-    wide_y = np.sqrt(shape[3] * shape[3] + shape[4] * shape[4]) / grid.step_y
+    wide_x = abs(shape[ROOT_XX]) / grid.step_x
+    wide_y = np.sqrt(shape[ROOT_YX] * shape[ROOT_YX] + shape[ROOT_YY] * shape[ROOT_YY]) / grid.step_y
     wide = max(wide_x, wide_y)
     return 2 if wide > _DENSEST else 1 if wide > _DENSE else 0
+
+
+@kernel()
+@no_type_check
+def moment_trace(shape: Float64[np.ndarray, " k"]) -> float:
+    """Trace of the second moment of the pressure of a patch, mm^2."""
+    xx, yx, yy = shape[ROOT_XX], shape[ROOT_YX], shape[ROOT_YY]
+    return float(xx * xx + yx * yx + yy * yy)
 
 
 @kernel()
@@ -155,10 +165,10 @@ def add_pressure(
     """
     along_x, along_y = np.empty(4), np.empty(4)
     for k in range(len(points)):
-        away_x = shape[2] * points[k, 0]
-        away_y = shape[3] * points[k, 0] + shape[4] * points[k, 1]
-        first_x = cubic((shape[0] + away_x - grid.corner_x) / grid.step_x, grid.count_x, along_x)
-        first_y = cubic((shape[1] + away_y - grid.corner_y) / grid.step_y, grid.count_y, along_y)
+        away_x = shape[ROOT_XX] * points[k, 0]
+        away_y = shape[ROOT_YX] * points[k, 0] + shape[ROOT_YY] * points[k, 1]
+        first_x = cubic((shape[CENTRE_X] + away_x - grid.corner_x) / grid.step_x, grid.count_x, along_x)
+        first_y = cubic((shape[CENTRE_Y] + away_y - grid.corner_y) / grid.step_y, grid.count_y, along_y)
         for i in range(4):
             for j in range(4):
                 part = points[k, 2] * along_x[i] * along_y[j]
@@ -173,9 +183,10 @@ def spread_of(
     shape: Float64[np.ndarray, " k"], profile: int, least_mm: float, most_mm: float
 ) -> tuple[float, float, float, float]:
     """Root of the Gaussians that make up a patch, and the triangular root xx, yx, yy of their places."""
-    xx, yx, yy = shape[2] * shape[2], shape[2] * shape[3], shape[3] * shape[3] + shape[4] * shape[4]
+    a, b, c = shape[ROOT_XX], shape[ROOT_YX], shape[ROOT_YY]
+    xx, yx, yy = a * a, a * b, b * b + c * c
     least = 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) * (xx - yy) + yx * yx)
-    blob = min(_BLOB[profile] * np.sqrt(abs(shape[2] * shape[4])), 0.9 * np.sqrt(max(least, 0.0)))
+    blob = min(_GAUSSIAN_ROOT_SHARE[profile] * np.sqrt(abs(a * c)), 0.9 * np.sqrt(max(least, 0.0)))
     blob = min(max(blob, least_mm), most_mm)
     root_xx = np.sqrt(max(1e-4 * (xx + yy), xx - blob * blob))
     root_yx = yx / root_xx
@@ -234,8 +245,8 @@ def add_layer_images(
         x_xx = x_xy = x_yy = x_xz = x_yz = 0.0
         y_xx = y_xy = y_yy = y_xz = y_yz = 0.0
         for k in range(len(away)):
-            dx = markers.place[m, 0] - shape[0] - away[k, 0]
-            dy = markers.place[m, 1] - shape[1] - away[k, 1]
+            dx = markers.place[m, 0] - shape[CENTRE_X] - away[k, 0]
+            dy = markers.place[m, 1] - shape[CENTRE_Y] - away[k, 1]
             distance = np.sqrt(dx * dx + dy * dy)
             first = int(distance * per_step)
             if first >= count - 1:

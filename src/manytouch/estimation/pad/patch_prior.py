@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from manytouch.estimation.pad.pad_model import ObservedPad
+from manytouch.estimation.pad.pad_model import BondedPadModel
 from manytouch.estimation.pad.patch_steps import PriorNumbers
 
 
@@ -41,7 +41,7 @@ class PatchPrior:
     radial_friction: float = 0.02
     radial_growth: float = 0.2
 
-    def numbers(self, model: ObservedPad) -> PriorNumbers:
+    def numbers(self, model: BondedPadModel) -> PriorNumbers:
         """The prior on a pad, for compiled functions."""
         thickness_mm = model.thickness_mm
         return PriorNumbers(

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.estimation.pad.pad_model import ObservedPad
+from manytouch.estimation.pad.pad_model import BondedPadModel
 from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter, misfit_scale
-from manytouch.estimation.pad.patch_forces import OWN
-from manytouch.estimation.pad.patch_kernels import SHAPE, Profile
+from manytouch.estimation.pad.patch_forces import PARAMETER_COUNT
+from manytouch.estimation.pad.patch_kernels import ROOT_XX, ROOT_YY, SHAPE, Profile
 from manytouch.estimation.pad.patches import Patches, joined, near_groups
 from manytouch.values.arrays import Mask, Points2, Scalars, read_only
 
@@ -50,7 +50,7 @@ class PatchSearch:
     wider: tuple[float, ...] = (2.0, 4.0)
     max_shear: float = 1.0
 
-    def start(self, model: ObservedPad, fitter: PatchFitter) -> PatchCandidates:
+    def start(self, model: BondedPadModel, fitter: PatchFitter) -> PatchCandidates:
         """The candidates of a pad."""
         root_mm = self.root * model.thickness_mm
         half_mm = 0.5 * np.array(model.patch.size_mm) - 0.5 * root_mm
@@ -75,7 +75,7 @@ class PatchSearch:
         residual_px: Float64[np.ndarray, " r"],
         weight: Float64[np.ndarray, " r"],
     ) -> tuple[np.ndarray | None, float]:
-        """The guess (OWN,) with the largest reduction of the misfit, and this; None if nothing presses.
+        """The guess (PARAMETER_COUNT,) that reduces the misfit most, and this gain; None if none presses.
 
         `residual_px` is measured minus fitted.
         """
@@ -89,7 +89,7 @@ class PatchSearch:
 
     def widened(
         self,
-        model: ObservedPad,
+        model: BondedPadModel,
         fitter: PatchFitter,
         guess: Float64[np.ndarray, "10"],
         residual_px: Float64[np.ndarray, " r"],
@@ -134,7 +134,7 @@ def _loads(
 
 def _guess(centre_mm: np.ndarray, root_mm: float, load: np.ndarray) -> Float64[np.ndarray, "10"]:
     """A round contact with a root of its second moment."""
-    guess = np.zeros(OWN)
+    guess = np.zeros(PARAMETER_COUNT)
     guess[:SHAPE] = *centre_mm, root_mm, 0.0, root_mm
     guess[SHAPE : SHAPE + _COLUMNS] = load
     return guess
@@ -154,12 +154,12 @@ class ProfileChoice:
     gain: float = 15.0
     root: float = 0.35
 
-    def applies(self, model: ObservedPad, patches: Patches) -> bool:
+    def applies(self, model: BondedPadModel, patches: Patches) -> bool:
         """Whether there is anything to try."""
         return len(self._wide(model, patches)) > 0 or len(near_groups(patches)) > 0
 
     def __call__(
-        self, model: ObservedPad, fitter: PatchFitter, fit: PadFit, linear_px: Float64[np.ndarray, " r"]
+        self, model: BondedPadModel, fitter: PatchFitter, fit: PadFit, linear_px: Float64[np.ndarray, " r"]
     ) -> PadFit | None:
         """The fit with another profile of a contact, or with near ones as one, where that is better.
 
@@ -190,9 +190,9 @@ class ProfileChoice:
         best = int(np.argmax(merit))
         return tried[best] if merit[best] >= 0.0 else None
 
-    def _wide(self, model: ObservedPad, patches: Patches) -> list[int]:
+    def _wide(self, model: BondedPadModel, patches: Patches) -> list[int]:
         """Numbers of the patches whose profile may be another than a dome."""
-        root_mm = np.sqrt(np.abs(patches.own[:, 2] * patches.own[:, 4]))
+        root_mm = np.sqrt(np.abs(patches.parameters[:, ROOT_XX] * patches.parameters[:, ROOT_YY]))
         return [int(number) for number in np.flatnonzero(root_mm >= self.root * model.thickness_mm)]
 
 

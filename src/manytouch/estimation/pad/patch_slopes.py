@@ -10,13 +10,29 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.compilation import REORDER, kernel, no_type_check
-from manytouch.estimation.pad.patch_forces import add_tractions
+from manytouch.estimation.pad.patch_forces import (
+    FORCE,
+    PARAMETER_COUNT,
+    RADIAL_SHEAR,
+    SHEAR_X,
+    SHEAR_Y,
+    TORQUE,
+    add_scaled,
+    add_tractions,
+)
 from manytouch.estimation.pad.patch_kernels import (
+    CENTRE_X,
+    CENTRE_Y,
     POINTS,
+    ROOT_XX,
+    ROOT_YX,
+    ROOT_YY,
+    SHAPE,
     LayerTable,
     Markers,
     PadGrid,
     density,
+    moment_trace,
     spread_of,
 )
 
@@ -56,26 +72,20 @@ FAR = np.stack([_far(points) for points in POINTS])
 
 @kernel()
 @no_type_check
-def _window(grid: PadGrid, own: Float64[np.ndarray, "10"]) -> tuple[int, int, int, int]:
+def _window(grid: PadGrid, parameters: Float64[np.ndarray, "10"]) -> tuple[int, int, int, int]:
     """First and last node + 1 along x and y that a patch can load, with a margin for moved shapes."""
-    reach_x = 2.6 * abs(own[2])
-    reach_y = 2.6 * np.sqrt(own[3] * own[3] + own[4] * own[4])
-    low_x = int(np.floor((own[0] - reach_x - grid.corner_x) / grid.step_x))
-    high_x = int(np.floor((own[0] + reach_x - grid.corner_x) / grid.step_x)) + 4
-    low_y = int(np.floor((own[1] - reach_y - grid.corner_y) / grid.step_y))
-    high_y = int(np.floor((own[1] + reach_y - grid.corner_y) / grid.step_y)) + 4
+    reach_x = 2.6 * abs(parameters[ROOT_XX])
+    yx, yy = parameters[ROOT_YX], parameters[ROOT_YY]
+    reach_y = 2.6 * np.sqrt(yx * yx + yy * yy)
+    low_x = int(np.floor((parameters[CENTRE_X] - reach_x - grid.corner_x) / grid.step_x))
+    high_x = int(np.floor((parameters[CENTRE_X] + reach_x - grid.corner_x) / grid.step_x)) + 4
+    low_y = int(np.floor((parameters[CENTRE_Y] - reach_y - grid.corner_y) / grid.step_y))
+    high_y = int(np.floor((parameters[CENTRE_Y] + reach_y - grid.corner_y) / grid.step_y)) + 4
     low_x = min(max(low_x, 0), grid.count_x - 1)
     low_y = min(max(low_y, 0), grid.count_y - 1)
     high_x = max(min(high_x, grid.count_x + 3), low_x + 4)
     high_y = max(min(high_y, grid.count_y + 3), low_y + 4)
     return low_x, high_x, low_y, high_y
-
-
-@kernel(fastmath=REORDER)
-@no_type_check
-def _add_scaled(factor: float, values: Float64[np.ndarray, " r"], total: Float64[np.ndarray, " r"]) -> None:
-    for k in range(len(total)):
-        total[k] += factor * values[k]
 
 
 @kernel()
@@ -116,10 +126,12 @@ def _place_points(
 
 @kernel()
 @no_type_check
-def _load_of(own: Float64[np.ndarray, "10"]) -> tuple[float, float, float, float, float]:
+def _load_of(parameters: Float64[np.ndarray, "10"]) -> tuple[float, float, float, float, float]:
     """Normal force, shear x and y, and the factors of the turn and of the growth."""
-    trace = own[2] * own[2] + own[3] * own[3] + own[4] * own[4]
-    return own[5], own[6], own[7], own[8] / trace, own[5] * own[9] / np.sqrt(0.5 * trace)
+    trace = moment_trace(parameters)
+    turn = parameters[TORQUE] / trace
+    grow = parameters[FORCE] * parameters[RADIAL_SHEAR] / np.sqrt(0.5 * trace)
+    return parameters[FORCE], parameters[SHEAR_X], parameters[SHEAR_Y], turn, grow
 
 
 @kernel()
@@ -136,18 +148,18 @@ def _far_from(spread: tuple[float, float, float, float], reach_mm: float) -> tup
 @kernel(fastmath=REORDER)
 @no_type_check
 def add_image(
-    own: Float64[np.ndarray, "10"], profile: int, pad: PatchPad, image: Float64[np.ndarray, " r"]
+    parameters: Float64[np.ndarray, "10"], profile: int, pad: PatchPad, image: Float64[np.ndarray, " r"]
 ) -> None:
     """Add the marker images (2 m,) of a contact, px.
 
     Args:
-        own: parameters of the contact.
+        parameters: (PARAMETER_COUNT,) of the contact.
         profile: of its pressure.
         pad: the pad.
         image: result.
     """
     table, markers = pad.table, pad.markers
-    spread, load = spread_of(own, profile, table.root[0], table.root[-1]), _load_of(own)
+    spread, load = spread_of(parameters, profile, table.root[0], table.root[-1]), _load_of(parameters)
     count = table.value.shape[1]
     along, by_root = np.empty((count, 5)), np.empty((count, 5))
     _along_radius(table, spread[0], along, by_root)
@@ -158,7 +170,7 @@ def add_image(
     near2, far2 = _far_from(spread, (count - 1) * table.step)
     per_step, press = 1.0 / table.step, load[0]
     for m in range(len(markers.place)):
-        px, py = markers.place[m, 0] - own[0], markers.place[m, 1] - own[1]
+        px, py = markers.place[m, 0] - parameters[CENTRE_X], markers.place[m, 1] - parameters[CENTRE_Y]
         placed = far if near2 < px * px + py * py < far2 else near
         ux = uy = uz = 0.0
         for k in range(len(placed)):
@@ -186,29 +198,29 @@ def add_image(
             image[2 * m + axis] += slope[0] * ux + slope[1] * uy + slope[2] * uz
     shape = pad.by_sides.shape
     unit, nodal = np.empty((3, shape[1], shape[2])), np.zeros((3, shape[1], shape[2]))
-    add_tractions(own, profile, pad.grid, density(own, pad.grid), unit, nodal)
-    low_x, high_x, low_y, high_y = _window(pad.grid, own)
+    add_tractions(parameters, profile, pad.grid, density(parameters, pad.grid), unit, nodal)
+    low_x, high_x, low_y, high_y = _window(pad.grid, parameters)
     for axis in range(3):
         for i in range(low_x, high_x):
             for j in range(low_y, high_y):
                 if unit[0, i, j] != 0.0:
-                    _add_scaled(nodal[axis, i, j], pad.by_sides[axis, i, j], image)
+                    add_scaled(nodal[axis, i, j], pad.by_sides[axis, i, j], image)
 
 
 @kernel()
 @no_type_check
 def _spread_slopes(
-    own: Float64[np.ndarray, "10"], profile: int, table: LayerTable, slope: Float64[np.ndarray, "3 4"]
+    parameters: Float64[np.ndarray, "10"], profile: int, table: LayerTable, slope: Float64[np.ndarray, "3 4"]
 ) -> None:
     """Derivatives of the spread of points by the three roots of the shape."""
-    moved = own.copy()
+    moved = parameters.copy()
     for j in range(3):
-        step = _ROOT_STEP * (abs(own[2]) + abs(own[4]))
-        moved[2 + j] = own[2 + j] + step
+        step = _ROOT_STEP * (abs(parameters[ROOT_XX]) + abs(parameters[ROOT_YY]))
+        moved[ROOT_XX + j] = parameters[ROOT_XX + j] + step
         above = spread_of(moved, profile, table.root[0], table.root[-1])
-        moved[2 + j] = own[2 + j] - step
+        moved[ROOT_XX + j] = parameters[ROOT_XX + j] - step
         below = spread_of(moved, profile, table.root[0], table.root[-1])
-        moved[2 + j] = own[2 + j]
+        moved[ROOT_XX + j] = parameters[ROOT_XX + j]
         for k in range(4):
             slope[j, k] = (above[k] - below[k]) / (2.0 * step)
 
@@ -216,21 +228,20 @@ def _spread_slopes(
 @kernel(fastmath=REORDER)
 @no_type_check
 def fill_slopes(  # noqa: PLR0915 - one pass over all pairs of markers and points
-    own: Float64[np.ndarray, "10"], profile: int, pad: PatchPad, slope: Float64[np.ndarray, "10 r"]
+    parameters: Float64[np.ndarray, "10"], profile: int, pad: PatchPad, slope: Float64[np.ndarray, "10 r"]
 ) -> None:
     """Derivatives of the marker images by the shape of a contact, and images by its unit loads.
 
     Args:
-        own: parameters of the contact.
+        parameters: (PARAMETER_COUNT,) of the contact.
         profile: of its pressure.
         pad: the pad.
         slope: result; the last row is for unit radial shear as a force.
     """
     table, markers = pad.table, pad.markers
-    spread, load = spread_of(own, profile, table.root[0], table.root[-1]), _load_of(own)
-    chain = np.empty((3, 4))
-    _spread_slopes(own, profile, table, chain)
-    count = table.value.shape[1]
+    spread, load = spread_of(parameters, profile, table.root[0], table.root[-1]), _load_of(parameters)
+    chain, count = np.empty((3, 4)), table.value.shape[1]
+    _spread_slopes(parameters, profile, table, chain)
     along, by_root = np.empty((count, 5)), np.empty((count, 5))
     _along_radius(table, spread[0], along, by_root)
     points, far_points = POINTS[profile], FAR[profile]
@@ -240,11 +251,11 @@ def fill_slopes(  # noqa: PLR0915 - one pass over all pairs of markers and point
     near2, far2 = _far_from(spread, (count - 1) * table.step)
     per_step = 1.0 / table.step
     press, _, _, turn, grow = load
-    trace = own[2] * own[2] + own[3] * own[3] + own[4] * own[4]
+    trace = moment_trace(parameters)
     scale_turn, scale_grow = 1.0 / trace, 1.0 / np.sqrt(0.5 * trace)
-    total, by_load, by_spread = np.empty((10, 3)), np.empty((5, 3)), np.empty((4, 3))
+    total, by_load, by_spread = np.empty((PARAMETER_COUNT, 3)), np.empty((5, 3)), np.empty((4, 3))
     for m in range(len(markers.place)):
-        px, py = markers.place[m, 0] - own[0], markers.place[m, 1] - own[1]
+        px, py = markers.place[m, 0] - parameters[CENTRE_X], markers.place[m, 1] - parameters[CENTRE_Y]
         is_far = near2 < px * px + py * py < far2
         placed, unit = (far, far_points) if is_far else (near, points)
         out_x = out_y = out_z = 0.0
@@ -275,8 +286,7 @@ def fill_slopes(  # noqa: PLR0915 - one pass over all pairs of markers and point
             bxx, bxy, byy = even + turned * c2, turned * s2, even - turned * c2
             bxz, byz = lifted * c, lifted * s
             out_x, out_y, out_z = out_x + weight * out * c, out_y + weight * out * s, out_z + weight * up
-            wxx, wxy, wyy = weight * bxx, weight * bxy, weight * byy
-            wxz, wyz = weight * bxz, weight * byz
+            wxx, wxy, wyy, wxz, wyz = weight * bxx, weight * bxy, weight * byy, weight * bxz, weight * byz
             xx, xy, yy, xz, yz = xx + wxx, xy + wxy, yy + wyy, xz + wxz, yz + wyz
             p_xx, p_xy, p_yy = p_xx + p * wxx, p_xy + p * wxy, p_yy + p * wyy
             p_xz, p_yz = p_xz + p * wxz, p_yz + p * wyz
@@ -316,8 +326,8 @@ def fill_slopes(  # noqa: PLR0915 - one pass over all pairs of markers and point
         y_xz, y_yz = a_yx * p_xz + a_yy * q_xz, a_yx * p_yz + a_yy * q_yz
         by_load[3, 0], by_load[3, 1], by_load[3, 2] = x_xy - y_xx, x_yy - y_xy, x_yz - y_xz
         by_load[4, 0], by_load[4, 1], by_load[4, 2] = x_xx + y_xy, x_xy + y_yy, x_xz + y_yz
-        total[0, 0], total[0, 1], total[0, 2] = -gx0, -gx1, -gx2
-        total[1, 0], total[1, 1], total[1, 2] = -gy0, -gy1, -gy2
+        total[CENTRE_X, 0], total[CENTRE_X, 1], total[CENTRE_X, 2] = -gx0, -gx1, -gx2
+        total[CENTRE_Y, 0], total[CENTRE_Y, 1], total[CENTRE_Y, 2] = -gy0, -gy1, -gy2
         by_spread[0, 0], by_spread[0, 1], by_spread[0, 2] = h0, h1, h2
         by_spread[1, 0] = grow * p_xx + turn * p_xy - pgx0
         by_spread[1, 1] = grow * p_xy + turn * p_yy - pgx1
@@ -331,60 +341,60 @@ def fill_slopes(  # noqa: PLR0915 - one pass over all pairs of markers and point
         for j in range(3):
             for axis in range(3):
                 shared = turn * by_load[3, axis] * 2.0 + grow * by_load[4, axis]
-                value = -own[2 + j] * scale_turn * shared
+                value = -parameters[ROOT_XX + j] * scale_turn * shared
                 for k in range(4):
                     value += chain[j, k] * by_spread[k, axis]
-                total[2 + j, axis] = value
+                total[ROOT_XX + j, axis] = value
         for axis in range(3):
             for number in range(3):
-                total[5 + number, axis] = by_load[number, axis]
-            total[8, axis] = scale_turn * by_load[3, axis]
-            total[9, axis] = scale_grow * by_load[4, axis]
+                total[FORCE + number, axis] = by_load[number, axis]
+            total[TORQUE, axis] = scale_turn * by_load[3, axis]
+            total[RADIAL_SHEAR, axis] = scale_grow * by_load[4, axis]
         for axis in range(2):
             along_axis = markers.slope[m, axis]
-            for number in range(10):
+            for number in range(PARAMETER_COUNT):
                 slope[number, 2 * m + axis] = (
                     along_axis[0] * total[number, 0]
                     + along_axis[1] * total[number, 1]
                     + along_axis[2] * total[number, 2]
                 )
-    _add_sides(own, profile, pad, slope)
+    _add_sides(parameters, profile, pad, slope)
 
 
 @kernel()
 @no_type_check
 def _add_sides(
-    own: Float64[np.ndarray, "10"], profile: int, pad: PatchPad, slope: Float64[np.ndarray, "10 r"]
+    parameters: Float64[np.ndarray, "10"], profile: int, pad: PatchPad, slope: Float64[np.ndarray, "10 r"]
 ) -> None:
     """The part of the free sides in `fill_slopes`."""
     shape = pad.by_sides.shape
     unit, moved_unit = np.empty((3, shape[1], shape[2])), np.empty((3, shape[1], shape[2]))
     plain = np.zeros((3, shape[1], shape[2]))
-    force = np.zeros((10, 3, shape[1], shape[2]))
-    moved = own.copy()
-    level = density(own, pad.grid)
-    add_tractions(own, profile, pad.grid, level, unit, plain)
-    for parameter in range(5):
-        moved[parameter] = own[parameter] + _STEP_MM
+    force = np.zeros((PARAMETER_COUNT, 3, shape[1], shape[2]))
+    moved = parameters.copy()
+    level = density(parameters, pad.grid)
+    add_tractions(parameters, profile, pad.grid, level, unit, plain)
+    for parameter in range(SHAPE):
+        moved[parameter] = parameters[parameter] + _STEP_MM
         add_tractions(moved, profile, pad.grid, level, moved_unit, force[parameter])
         force[parameter] -= plain
         force[parameter] /= _STEP_MM
-        moved[parameter] = own[parameter]
-    trace = own[2] * own[2] + own[3] * own[3] + own[4] * own[4]
+        moved[parameter] = parameters[parameter]
+    trace = moment_trace(parameters)
     scale_turn, scale_grow = 1.0 / trace, 1.0 / np.sqrt(0.5 * trace)
-    force[5, 2] -= unit[0]
-    force[6, 0] += unit[0]
-    force[7, 1] += unit[0]
-    force[8, 0] -= scale_turn * unit[2]
-    force[8, 1] += scale_turn * unit[1]
-    force[9, 0] += scale_grow * unit[1]
-    force[9, 1] += scale_grow * unit[2]
-    low_x, high_x, low_y, high_y = _window(pad.grid, own)
+    force[FORCE, 2] -= unit[0]
+    force[SHEAR_X, 0] += unit[0]
+    force[SHEAR_Y, 1] += unit[0]
+    force[TORQUE, 0] -= scale_turn * unit[2]
+    force[TORQUE, 1] += scale_turn * unit[1]
+    force[RADIAL_SHEAR, 0] += scale_grow * unit[1]
+    force[RADIAL_SHEAR, 1] += scale_grow * unit[2]
+    low_x, high_x, low_y, high_y = _window(pad.grid, parameters)
     for axis in range(3):
         for i in range(low_x, high_x):
             for j in range(low_y, high_y):
                 row = pad.by_sides[axis, i, j]
-                for number in range(10):
+                for number in range(PARAMETER_COUNT):
                     factor = force[number, axis, i, j]
                     if factor != 0.0:
-                        _add_scaled(factor, row, slope[number])
+                        add_scaled(factor, row, slope[number])

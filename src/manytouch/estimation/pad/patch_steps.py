@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from manytouch.compilation import REORDER, kernel, no_type_check
-from manytouch.estimation.pad.patch_forces import OWN
-from manytouch.estimation.pad.patch_kernels import SHAPE
+from manytouch.estimation.pad.patch_forces import FORCE, PARAMETER_COUNT, RADIAL_SHEAR, SHEAR_X, add_scaled
+from manytouch.estimation.pad.patch_kernels import CENTRE_X, CENTRE_Y, ROOT_XX, ROOT_YX, ROOT_YY
 from manytouch.estimation.pad.patch_slopes import PatchPad, add_image, fill_slopes
 
 _TRIALS = 12  # of the damping in a step, each ten times the one before
@@ -98,22 +98,22 @@ class Work(NamedTuple):
 @kernel()
 @no_type_check
 def prior_terms(
-    own: Float64[np.ndarray, "10"],
+    parameters: Float64[np.ndarray, "10"],
     prior: PriorNumbers,
     value: Float64[np.ndarray, "9"],
     slope: Float64[np.ndarray, "9 10"],
 ) -> None:
     """Differences of the parameters of a contact from those expected, in deviations, and their slopes."""
-    xx, yx, yy = own[2], own[3], own[4]
-    press, sign = max(abs(own[5]), 1e-9), -1.0 if own[5] < 0.0 else 1.0
+    xx, yx, yy = parameters[ROOT_XX], parameters[ROOT_YX], parameters[ROOT_YY]
+    press, sign = max(abs(parameters[FORCE]), 1e-9), -1.0 if parameters[FORCE] < 0.0 else 1.0
     hertz = (0.75 * press * (1.0 - prior.poisson**2) * prior.usual_radius_mm) ** (1.0 / 3.0) / np.sqrt(5.0)
     usual = min(max(hertz, prior.least_mm), prior.most_mm)
     trace = xx * xx + yx * yx + yy * yy
     slope[:] = 0.0
     value[0] = np.log(np.sqrt(abs(xx * yy)) / usual) / prior.root_spread
-    slope[0, 2], slope[0, 4] = 0.5 / (prior.root_spread * xx), 0.5 / (prior.root_spread * yy)
+    slope[0, ROOT_XX], slope[0, ROOT_YY] = 0.5 / (prior.root_spread * xx), 0.5 / (prior.root_spread * yy)
     if prior.least_mm < hertz < prior.most_mm:
-        slope[0, 5] = -sign / (3.0 * press * prior.root_spread)
+        slope[0, FORCE] = -sign / (3.0 * press * prior.root_spread)
     # half the logarithm of the ratio of the principal roots' squares, along twice the angle of the longer one
     even, odd = (xx * xx - yx * yx - yy * yy) / trace, 2.0 * xx * yx / trace
     square = min(even * even + odd * odd, _MOST_STRETCH)
@@ -125,34 +125,27 @@ def prior_terms(
     spread = prior.stretch_spread
     value[1], value[2] = grow * even / spread, grow * odd / spread
     for j in range(3):
-        by_trace = 2.0 * own[2 + j] / trace
-        by_even = (2.0 * xx if j == 0 else -2.0 * own[2 + j]) / trace - even * by_trace
+        by_trace = 2.0 * parameters[ROOT_XX + j] / trace
+        by_even = (2.0 * xx if j == 0 else -2.0 * parameters[ROOT_XX + j]) / trace - even * by_trace
         by_odd = (2.0 * yx if j == 0 else 2.0 * xx if j == 1 else 0.0) / trace - odd * by_trace
         along = bend * (even * by_even + odd * by_odd)
-        slope[1, 2 + j] = (grow * by_even + along * even) / spread
-        slope[2, 2 + j] = (grow * by_odd + along * odd) / spread
+        slope[1, ROOT_XX + j] = (grow * by_even + along * even) / spread
+        slope[2, ROOT_XX + j] = (grow * by_odd + along * odd) / spread
     for j in range(3):
         std = prior.friction * press * (np.sqrt(trace) if j == 2 else 1.0)
-        value[3 + j] = own[6 + j] / std
-        slope[3 + j, 6 + j] = 1.0 / std
-        slope[3 + j, 5] = -sign * value[3 + j] / press
+        value[3 + j] = parameters[SHEAR_X + j] / std
+        slope[3 + j, SHEAR_X + j] = 1.0 / std
+        slope[3 + j, FORCE] = -sign * value[3 + j] / press
     for j in range(3):
-        slope[5, 2 + j] = -value[5] * own[2 + j] / trace
+        slope[5, ROOT_XX + j] = -value[5] * parameters[ROOT_XX + j] / trace
     widened = prior.radial_growth_per_mm * prior.radial_growth_per_mm * abs(xx * yy)
     radial_std = np.sqrt(prior.radial_friction * prior.radial_friction + widened)
-    value[6] = (own[9] - prior.radial_mean) / radial_std
-    slope[6, 9] = 1.0 / radial_std
+    value[6] = (parameters[RADIAL_SHEAR] - prior.radial_mean) / radial_std
+    slope[6, RADIAL_SHEAR] = 1.0 / radial_std
     by_root = -0.5 * value[6] * widened / (radial_std * radial_std)
-    slope[6, 2], slope[6, 4] = by_root / xx, by_root / yy
-    value[7], value[8] = own[0] / prior.size_x_mm, own[1] / prior.size_y_mm
-    slope[7, 0], slope[8, 1] = 1.0 / prior.size_x_mm, 1.0 / prior.size_y_mm
-
-
-@kernel(fastmath=REORDER)
-@no_type_check
-def _add_scaled(factor: float, values: Float64[np.ndarray, " r"], total: Float64[np.ndarray, " r"]) -> None:
-    for k in range(len(total)):
-        total[k] += factor * values[k]
+    slope[6, ROOT_XX], slope[6, ROOT_YY] = by_root / xx, by_root / yy
+    value[7], value[8] = parameters[CENTRE_X] / prior.size_x_mm, parameters[CENTRE_Y] / prior.size_y_mm
+    slope[7, CENTRE_X], slope[8, CENTRE_Y] = 1.0 / prior.size_x_mm, 1.0 / prior.size_y_mm
 
 
 @kernel(fastmath=REORDER)
@@ -173,25 +166,29 @@ def _misfit(
 ) -> float:
     """Misfit of parameters, and what they leave of the images."""
     profile, pad, prior, common, measured = problem
-    first, misfit = OWN * count, 0.0
+    first, misfit = PARAMETER_COUNT * count, 0.0
     residual[:] = 0.0
     for j in range(len(common.std)):
         misfit += (theta[first + j] / common.std[j]) ** 2
-    value, slope = np.empty(9), np.empty((9, OWN))
+    value, slope = np.empty(9), np.empty((9, PARAMETER_COUNT))
     for number in range(count):
-        own = theta[OWN * number : OWN * (number + 1)]
-        add_image(own, profile[number], pad, residual)
+        parameters = theta[PARAMETER_COUNT * number : PARAMETER_COUNT * (number + 1)]
+        add_image(parameters, profile[number], pad, residual)
         if len(common.sheet) > 0:
             for k in range(common.sheet.shape[1]):
                 share = theta[first + 4 + k]
                 for load in range(5):
-                    factor = own[5] * own[9] if load == 4 else own[SHAPE + load]
-                    _add_scaled(share * factor, common.sheet[number, k, load], residual)
-        prior_terms(own, prior, value, slope)
+                    factor = (
+                        parameters[FORCE] * parameters[RADIAL_SHEAR]
+                        if load == 4
+                        else parameters[FORCE + load]
+                    )
+                    add_scaled(share * factor, common.sheet[number, k, load], residual)
+        prior_terms(parameters, prior, value, slope)
         for j in range(9):
             misfit += value[j] * value[j]
     for j in range(4):
-        _add_scaled(theta[first + j], common.motion[j], residual)
+        add_scaled(theta[first + j], common.motion[j], residual)
     for k in range(len(residual)):
         residual[k] = measured.moved_px[k] - residual[k]
     return misfit + _weighted(residual, residual, measured.weight)
@@ -202,43 +199,47 @@ def _misfit(
 def _slopes(theta: Float64[np.ndarray, " p"], count: int, problem: Problem, work: Work) -> None:
     """Pull towards smaller misfits and its curvature at parameters whose residual is known."""
     profile, pad, prior, common, measured = problem
-    first, parameters = OWN * count, len(theta)
+    first, unknowns = PARAMETER_COUNT * count, len(theta)
     slope, curved, pull = work.slope, work.curved, work.pull
     curved[:] = 0.0
     slope[first + 4 :] = 0.0
     for j in range(4):
         slope[first + j] = common.motion[j]
-    value, jacobian = np.empty(9), np.empty((9, OWN))
+    value, jacobian = np.empty(9), np.empty((9, PARAMETER_COUNT))
     for j in range(len(common.std)):
         stiffness = 1.0 / common.std[j] ** 2
         curved[first + j, first + j] = stiffness
         pull[first + j] = -stiffness * theta[first + j]
     for number in range(count):
-        at = OWN * number
-        own = theta[at : at + OWN]
-        part = slope[at : at + OWN]
-        fill_slopes(own, profile[number], pad, part)
+        at = PARAMETER_COUNT * number
+        parameters = theta[at : at + PARAMETER_COUNT]
+        part = slope[at : at + PARAMETER_COUNT]
+        fill_slopes(parameters, profile[number], pad, part)
         if len(common.sheet) > 0:
             for k in range(common.sheet.shape[1]):
                 for load in range(5):
                     column = common.sheet[number, k, load]
-                    _add_scaled(theta[first + 4 + k], column, part[SHAPE + load])
-                    factor = own[5] * own[9] if load == 4 else own[SHAPE + load]
-                    _add_scaled(factor, column, slope[first + 4 + k])
-        _add_scaled(own[9], part[9], part[5])
-        part[9] *= own[5]
-        prior_terms(own, prior, value, jacobian)
-        for i in range(OWN):
+                    add_scaled(theta[first + 4 + k], column, part[FORCE + load])
+                    factor = (
+                        parameters[FORCE] * parameters[RADIAL_SHEAR]
+                        if load == 4
+                        else parameters[FORCE + load]
+                    )
+                    add_scaled(factor, column, slope[first + 4 + k])
+        add_scaled(parameters[RADIAL_SHEAR], part[RADIAL_SHEAR], part[FORCE])
+        part[RADIAL_SHEAR] *= parameters[FORCE]
+        prior_terms(parameters, prior, value, jacobian)
+        for i in range(PARAMETER_COUNT):
             total = 0.0
             for k in range(9):
                 total -= jacobian[k, i] * value[k]
             pull[at + i] = total
-            for j in range(OWN):
+            for j in range(PARAMETER_COUNT):
                 total = 0.0
                 for k in range(9):
                     total += jacobian[k, i] * jacobian[k, j]
                 curved[at + i, at + j] = total
-    used = parameters if len(common.sheet) > 0 else first + 4
+    used = unknowns if len(common.sheet) > 0 else first + 4
     for i in range(used):
         pull[i] += _weighted(slope[i], work.residual, measured.weight)
         for j in range(i + 1):
@@ -280,17 +281,19 @@ def _limit(
 ) -> None:
     """Keep contacts near the old ones, their moments above 0, their centres on the pad."""
     for number in range(count):
-        old = theta[OWN * number : OWN * (number + 1)]
-        new = moved[OWN * number : OWN * (number + 1)]
+        old = theta[PARAMETER_COUNT * number : PARAMETER_COUNT * (number + 1)]
+        new = moved[PARAMETER_COUNT * number : PARAMETER_COUNT * (number + 1)]
         for axis in range(2):
             half_mm = limits.half_x_mm if axis == 0 else limits.half_y_mm
             near_mm = min(max(new[axis], old[axis] - limits.step_mm), old[axis] + limits.step_mm)
             new[axis] = min(max(near_mm, -half_mm), half_mm)
-        for j in (2, 4):
+        for j in (ROOT_XX, ROOT_YY):
             near_mm = min(max(new[j], 0.5 * old[j]), 2.0 * old[j])
-            new[j] = min(max(near_mm, limits.least_mm), limits.most_x_mm if j == 2 else limits.most_y_mm)
-        new[3] = min(max(new[3], -limits.most_y_mm), limits.most_y_mm)
-        new[9] = min(max(new[9], -1.0), 1.0)
+            new[j] = min(
+                max(near_mm, limits.least_mm), limits.most_x_mm if j == ROOT_XX else limits.most_y_mm
+            )
+        new[ROOT_YX] = min(max(new[ROOT_YX], -limits.most_y_mm), limits.most_y_mm)
+        new[RADIAL_SHEAR] = min(max(new[RADIAL_SHEAR], -1.0), 1.0)
 
 
 @kernel()

@@ -1,4 +1,4 @@
-"""Metrics: from two records to samples of errors, and from samples to figures with limits.
+"""Metrics: from two evaluated recordings to samples of errors, and from samples to figures with limits.
 
-Reading files and drawing are elsewhere (`records`, `report`).
+Reading files and drawing are elsewhere (`evaluated_recordings`, `report`).
 """

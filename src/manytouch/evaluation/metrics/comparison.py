@@ -6,6 +6,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import (
+    EvaluatedRecording,
+    EvaluationError,
+    subset,
+)
 from manytouch.evaluation.metrics.contacts import (
     ContactSamples,
     contact_figures,
@@ -29,7 +34,6 @@ from manytouch.evaluation.metrics.uncertainty_calibration import (
     uncertainty_calibration,
 )
 from manytouch.evaluation.metrics.worst_frame import WorstFrame, find_worst_frame
-from manytouch.evaluation.records.record import EvaluationError, EvaluationRecord, subset
 from manytouch.values import LengthUnit
 from manytouch.values.arrays import Scalars, read_only
 
@@ -70,8 +74,8 @@ class MethodErrors:
 
 
 def compare(
-    truth: EvaluationRecord,
-    estimated: EvaluationRecord,
+    truth: EvaluatedRecording,
+    estimated: EvaluatedRecording,
     *,
     picture: Callable[[int], np.ndarray | None] | None = None,
 ) -> MethodErrors:
@@ -221,19 +225,19 @@ def _together(samples: Sequence[Samples]) -> Samples:
     return type(first)(**joined)
 
 
-def _only(record: EvaluationRecord, frame: np.ndarray) -> EvaluationRecord:
-    """The record without other frames."""
-    kept = np.flatnonzero(np.isin(record.frame, frame))
+def _only(recording: EvaluatedRecording, frame: np.ndarray) -> EvaluatedRecording:
+    """The recording without other frames."""
+    kept = np.flatnonzero(np.isin(recording.frame, frame))
     arrays = ("frame", "milliseconds", "centre_px", "centre_std_px", "depth_mm", "depth_std_mm")
     return replace(
-        record,
-        **{name: read_only(getattr(record, name)[kept]) for name in arrays},
-        status=tuple(record.status[index] for index in kept),
-        contacts=subset(record.contacts, np.isin(record.contacts.frame, frame)),
+        recording,
+        **{name: read_only(getattr(recording, name)[kept]) for name in arrays},
+        status=tuple(recording.status[index] for index in kept),
+        contacts=subset(recording.contacts, np.isin(recording.contacts.frame, frame)),
     )
 
 
-def _notes(truth: EvaluationRecord, estimated: EvaluationRecord, shared: int) -> tuple[str, ...]:
+def _notes(truth: EvaluatedRecording, estimated: EvaluatedRecording, shared: int) -> tuple[str, ...]:
     notes = []
     if shared < len(truth.frame):
         notes.append(f"{len(truth.frame) - shared} of {len(truth.frame)} true frames are not in the result")
@@ -251,5 +255,5 @@ def _plural(unit: LengthUnit) -> str:
     return "millimetres" if unit == "mm" else "pitches"
 
 
-def _span(record: EvaluationRecord) -> str:
-    return f"{record.frame[0]} to {record.frame[-1]}" if len(record.frame) else "none"
+def _span(recording: EvaluatedRecording) -> str:
+    return f"{recording.frame[0]} to {recording.frame[-1]}" if len(recording.frame) else "none"

@@ -5,16 +5,23 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import ContactRows, subset
 from manytouch.evaluation.metrics.depth import percentile
 from manytouch.evaluation.metrics.markers import ratio
 from manytouch.evaluation.metrics.matching import GATE_MM, REQUIRED_MM, ContactPairs, match_contacts
-from manytouch.evaluation.records.record import ContactRows, subset
 from manytouch.values.arrays import Mask, Points2, Scalars
 
-SMALLEST_N = 0.05  # below it relative errors are not computed
-FRICTION = 0.15  # least ratio of shear to normal force of a contact with friction
-FAINT_BAND_MM = (0.15, 0.5)  # depths of contacts whose figures are named `faint_...`
+SMALLEST_N = 0.05
+"""Least true force of which relative errors are computed: a choice. With less, errors of a few mN by noise
+would be large relative ones; with more, light presses would not count."""
+FRICTION = 0.15
+"""Least ratio of true shear to normal force of a contact with friction: that of varied cases with friction,
+which have half of the shear at which they slip, by coefficients of 0.3 or more. Without friction it is a few
+per cent, where the sheet is inclined."""
+FAINT_BAND_MM = (0.15, 0.5)
+"""True depths of contacts whose figures are named `faint_...`: around `REQUIRED_MM`, by choice."""
 LONG = 1.3
+"""Least ratio of true half axes at which an orientation is compared; round contacts have none. A choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -34,7 +41,7 @@ class ContactSamples:
         true_area_mm2, area_mm2, area_std_mm2: (k,) of the region; the true one is NaN where the pressure was
             not read out.
         true_half_mm, half_mm: (k, 2) half axes.
-        true_angle_rad, angle_rad: (k,) of the major one.
+        true_orientation_rad, orientation_rad: (k,) angle of the major axis from x towards y.
         is_last: (k,) is it the last pair of its true contact? These are one sample of each contact.
         split: true contacts that must be found and on which several estimates stand.
         faint_required: true contacts 0.15 to 0.5 mm deep.
@@ -63,8 +70,8 @@ class ContactSamples:
     area_std_mm2: Scalars
     true_half_mm: Points2
     half_mm: Points2
-    true_angle_rad: Scalars
-    angle_rad: Scalars
+    true_orientation_rad: Scalars
+    orientation_rad: Scalars
     is_last: Mask
     split: int
     faint_required: int
@@ -77,38 +84,38 @@ def contact_samples(
 ) -> ContactSamples:
     """Compare contacts of the same frames, which `match_contacts` pairs."""
     pairs = match_contacts(truth, estimated, gate_mm=gate_mm, required_mm=required_mm)
-    mine, theirs = subset(truth, pairs.true_row), subset(estimated, pairs.estimated_row)
+    true, found = subset(truth, pairs.true_row), subset(estimated, pairs.estimated_row)
     every_true = np.concatenate([pairs.true_row, pairs.optional_true_row])
     every_given = np.concatenate([pairs.estimated_row, pairs.optional_estimated_row])
     is_faint = _is_faint(truth.depth_mm, gate_mm / GATE_MM)
     found_faint = is_faint[every_true]
-    is_read_out = np.isfinite(mine.half_axes_mm).all(axis=1)
+    is_read_out = np.isfinite(true.half_axes_mm).all(axis=1)
     return ContactSamples(
         required=int(pairs.is_required.sum()),
         estimated=int(pairs.is_counted.sum()),
         switches=identity_switches(truth, estimated, pairs),
-        offset_mm=theirs.centre_mm - mine.centre_mm,
-        offset_std_mm=theirs.centre_std_mm,
-        true_depth_mm=mine.depth_mm,
-        depth_mm=theirs.depth_mm,
-        depth_std_mm=theirs.depth_std_mm,
-        true_force_N=mine.normal_force_N,
-        force_N=theirs.normal_force_N,
-        force_std_N=theirs.normal_force_std_N,
-        true_shear_N=mine.shear_N,
-        shear_N=theirs.shear_N,
-        shear_std_N=theirs.shear_std_N,
-        true_torque_Nmm=mine.torque_Nmm,
-        torque_Nmm=theirs.torque_Nmm,
-        torque_std_Nmm=theirs.torque_std_Nmm,
-        true_area_mm2=np.where(is_read_out, mine.area_mm2, np.nan),
-        area_mm2=theirs.area_mm2,
-        area_std_mm2=theirs.area_std_mm2,
-        true_half_mm=mine.half_axes_mm,
-        half_mm=theirs.half_axes_mm,
-        true_angle_rad=mine.orientation_rad,
-        angle_rad=theirs.orientation_rad,
-        is_last=_is_last(mine),
+        offset_mm=found.centre_mm - true.centre_mm,
+        offset_std_mm=found.centre_std_mm,
+        true_depth_mm=true.depth_mm,
+        depth_mm=found.depth_mm,
+        depth_std_mm=found.depth_std_mm,
+        true_force_N=true.normal_force_N,
+        force_N=found.normal_force_N,
+        force_std_N=found.normal_force_std_N,
+        true_shear_N=true.shear_N,
+        shear_N=found.shear_N,
+        shear_std_N=found.shear_std_N,
+        true_torque_Nmm=true.torque_Nmm,
+        torque_Nmm=found.torque_Nmm,
+        torque_std_Nmm=found.torque_std_Nmm,
+        true_area_mm2=np.where(is_read_out, true.area_mm2, np.nan),
+        area_mm2=found.area_mm2,
+        area_std_mm2=found.area_std_mm2,
+        true_half_mm=true.half_axes_mm,
+        half_mm=found.half_axes_mm,
+        true_orientation_rad=true.orientation_rad,
+        orientation_rad=found.orientation_rad,
+        is_last=_is_last(true),
         split=int(pairs.is_split.sum()),
         faint_required=int(is_faint.sum()),
         faint_true_mm=truth.depth_mm[every_true][found_faint],
@@ -132,12 +139,12 @@ def _is_last(rows: ContactRows) -> np.ndarray:
 
 def identity_switches(truth: ContactRows, estimated: ContactRows, pairs: ContactPairs) -> int:
     """Times that a true contact's estimate has another identity than when it was last found."""
-    mine, theirs = truth.id[pairs.true_row], estimated.id[pairs.estimated_row]
+    true_id, found_id = truth.id[pairs.true_row], estimated.id[pairs.estimated_row]
     frame = truth.frame[pairs.true_row]
     switches = 0
-    for contact in np.unique(mine):
-        of_it = np.flatnonzero(mine == contact)
-        names = theirs[of_it[np.argsort(frame[of_it], kind="stable")]]
+    for contact in np.unique(true_id):
+        of_it = np.flatnonzero(true_id == contact)
+        names = found_id[of_it[np.argsort(frame[of_it], kind="stable")]]
         switches += int((names[1:] != names[:-1]).sum())
     return switches
 
@@ -173,23 +180,29 @@ def contact_figures(samples: ContactSamples) -> dict[str, float]:
 
 
 def region_figures(samples: ContactSamples) -> dict[str, float]:
-    """Area and half axes of the contacts that were found, relative to the true ones; angle where axes differ.
+    """Area and shape of the contacts that were found, against the true ones.
 
-    Where the pressure of the truth was not read out nothing is compared. The angle is compared where the true
-    half axes differ by 30 % or more.
+    Where the pressure of the truth was not read out nothing is compared. Each is NaN without a sample.
+    `area_given_percent`: share of these contacts whose area the method gives, 0 to 100.
+    `area_median_percent`: median of |estimated - true| over the true area.
+    `area_bias_percent`: median of (estimated - true) over the true area.
+    `half_major_median_percent`, `half_minor_median_percent`: median of |estimated - true| over the true half
+    axis.
+    `angle_median_deg`: median angle between the estimated and the true major axis, 0 to 90, of contacts whose
+    true half axes differ by 30 % or more.
     """
     area = 100 * (samples.area_mm2 - samples.true_area_mm2) / samples.true_area_mm2
     with np.errstate(invalid="ignore", divide="ignore"):
         axes = 100 * (samples.half_mm - samples.true_half_mm) / samples.true_half_mm
         is_long = samples.true_half_mm[:, 0] >= LONG * samples.true_half_mm[:, 1]
-    turn = (samples.angle_rad - samples.true_angle_rad + np.pi / 2) % np.pi - np.pi / 2
+    error_rad = (samples.orientation_rad - samples.true_orientation_rad + np.pi / 2) % np.pi - np.pi / 2
     return {
         "area_given_percent": _given(area, samples.true_area_mm2),
         "area_median_percent": percentile(np.abs(area), 50),
         "area_bias_percent": percentile(area, 50),
         "half_major_median_percent": percentile(np.abs(axes[:, 0]), 50),
         "half_minor_median_percent": percentile(np.abs(axes[:, 1]), 50),
-        "angle_median_deg": percentile(np.rad2deg(np.abs(turn[is_long])), 50),
+        "angle_median_deg": percentile(np.rad2deg(np.abs(error_rad[is_long])), 50),
     }
 
 

@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import EvaluatedRecording
 from manytouch.evaluation.metrics.markers import own_numbers, ratio
-from manytouch.evaluation.records.record import EvaluationRecord
 from manytouch.values.arrays import Points2, Scalars
 
 PerFrame = Float64[np.ndarray, " f"]
@@ -45,7 +45,7 @@ class DepthSamples:
     std_mm: Scalars
 
 
-def depth_samples(truth: EvaluationRecord, estimated: EvaluationRecord) -> DepthSamples:
+def depth_samples(truth: EvaluatedRecording, estimated: EvaluatedRecording) -> DepthSamples:
     """Compare the depth at the markers of the same frames, marker by marker."""
     own = own_numbers(truth, estimated)
     estimate, deviation = (np.full(truth.depth_mm.shape, np.nan) for _ in range(2))

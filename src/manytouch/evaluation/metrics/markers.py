@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.spatial import cKDTree
 
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import EvaluatedRecording
 from manytouch.evaluation.metrics.matching import nearest_dots
-from manytouch.evaluation.records.record import EvaluationRecord
 from manytouch.values.arrays import Counts, Points2
 
 PerFrame = Int64[np.ndarray, " f"]
@@ -42,8 +42,8 @@ class DotSamples:
     std_px: Points2
 
 
-def dot_samples(truth: EvaluationRecord, estimated: EvaluationRecord) -> DotSamples:
-    """Compare the dots of the same frames; both records must contain the same frame numbers."""
+def dot_samples(truth: EvaluatedRecording, estimated: EvaluatedRecording) -> DotSamples:
+    """Compare the dots of the same frames; both recordings must contain the same frame numbers."""
     own = own_numbers(truth, estimated)
     dot = np.full(estimated.centre_px.shape[:2], -1)
     frames = len(truth.frame)
@@ -81,7 +81,7 @@ def neighbour_distance_px(dots_px: Points2) -> float:
     return float(np.median(distance[:, 1]))
 
 
-def own_numbers(truth: EvaluationRecord, estimated: EvaluationRecord) -> Counts:
+def own_numbers(truth: EvaluatedRecording, estimated: EvaluatedRecording) -> Counts:
     """Which column of the truth each marker (m,) of the estimate is, -1 for none.
 
     Equal numbers are the same marker. Where the two do not number the same markers, because the
@@ -98,7 +98,7 @@ def own_numbers(truth: EvaluationRecord, estimated: EvaluationRecord) -> Counts:
     return same if 2 * agree.sum() > (found >= 0).sum() else found
 
 
-def _numbers_by_place(truth: EvaluationRecord, estimated: EvaluationRecord) -> Counts:
+def _numbers_by_place(truth: EvaluatedRecording, estimated: EvaluatedRecording) -> Counts:
     own = np.full(len(estimated.marker), -1)
     for true_px, estimated_px in zip(truth.centre_px, estimated.centre_px, strict=True):
         shown = np.flatnonzero(np.isfinite(true_px).all(axis=1))

@@ -7,17 +7,21 @@ from jaxtyping import Bool, Float64, Int64
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
-from manytouch.evaluation.records.record import ContactRows
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import ContactRows
 from manytouch.values.arrays import Counts, Points2, Scalars, read_only
 
 GATE_MM = 3.0
+"""An estimate of a contact may be so far off: three quarters of `PITCH_MM`, a choice. A wider gate finds more
+contacts with larger errors of position, which is why docs/metrics.md shows both as one curve."""
 GATE_SHARE = 0.2
-"""An estimate on a large contact may be so far off, in shares of its half major axis."""
+"""An estimate on a large contact may be so far off, in shares of its half major axis: a choice, which counts
+for half axes of more than 15 mm, as those of palms."""
 ON_IT = 1.25
 """An estimate is on a contact within its uniform ellipse times this: the corners of a square are at 1.22."""
 PITCH_MM = 4.0  # of the sheet for which the gate was chosen; in pitches it is 3 mm of 4 mm
 REQUIRED_MM = 0.3
-"""Depth from which on a true contact must be found."""
+"""Depth from which on a true contact must be found: a choice; nominal cases are 0.3 to 10 mm deep.
+Fainter ones have metrics of their own (`contacts.FAINT_BAND_MM`)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -77,12 +81,12 @@ def match_contacts(
     is_split = np.zeros(len(truth.frame), dtype=bool)
     gates_mm = gates_of(truth, gate_mm)
     for frame in np.intersect1d(truth.frame, estimated.frame):
-        mine, theirs = rows_of(truth, int(frame)), rows_of(estimated, int(frame))
-        away = np.linalg.norm(truth.centre_mm[mine][:, None] - estimated.centre_mm[theirs][None], axis=2)
-        pair = assigned(away / gates_mm[mine][:, None], 1.0)
-        is_split[mine] = _split(truth, estimated, mine, theirs, pair, gate_mm)
-        true_rows.append(mine[pair[:, 0]])
-        estimated_rows.append(theirs[pair[:, 1]])
+        true, found = rows_of(truth, int(frame)), rows_of(estimated, int(frame))
+        away = np.linalg.norm(truth.centre_mm[true][:, None] - estimated.centre_mm[found][None], axis=2)
+        pair = assigned(away / gates_mm[true][:, None], 1.0)
+        is_split[true] = _split(truth, estimated, true, found, pair, gate_mm)
+        true_rows.append(true[pair[:, 0]])
+        estimated_rows.append(found[pair[:, 1]])
     true_row = np.concatenate([np.zeros(0, np.int64), *true_rows])
     estimated_row = np.concatenate([np.zeros(0, np.int64), *estimated_rows])
     is_required = ~(truth.depth_mm < required_mm)
@@ -103,8 +107,8 @@ def match_contacts(
 def _split(  # noqa: PLR0917 - rows of one frame
     truth: ContactRows,
     estimated: ContactRows,
-    mine: Int64[np.ndarray, " a"],
-    theirs: Int64[np.ndarray, " b"],
+    true: Int64[np.ndarray, " a"],
+    found: Int64[np.ndarray, " b"],
     pair: Int64[np.ndarray, "k 2"],
     gate_mm: float,
 ) -> Bool[np.ndarray, " a"]:
@@ -113,20 +117,20 @@ def _split(  # noqa: PLR0917 - rows of one frame
     An estimate of a pair stands on the contact of that pair, any other on the nearest true contact, if it is
     on it or within the gate.
     """
-    count = np.bincount(pair[:, 0], minlength=len(mine))
-    left = np.setdiff1d(np.arange(len(theirs)), pair[:, 1])
-    if not len(left) or not len(mine):
+    count = np.bincount(pair[:, 0], minlength=len(true))
+    left = np.setdiff1d(np.arange(len(found)), pair[:, 1])
+    if not len(left) or not len(true):
         return np.asarray(count > 1)
-    off_mm = estimated.centre_mm[theirs[left]][None] - truth.centre_mm[mine][:, None]
+    off_mm = estimated.centre_mm[found[left]][None] - truth.centre_mm[true][:, None]
     away_mm = np.linalg.norm(off_mm, axis=2)
-    cosine, sine = np.cos(truth.orientation_rad[mine]), np.sin(truth.orientation_rad[mine])
+    cosine, sine = np.cos(truth.orientation_rad[true]), np.sin(truth.orientation_rad[true])
     along = cosine[:, None] * off_mm[..., 0] + sine[:, None] * off_mm[..., 1]
     across = -sine[:, None] * off_mm[..., 0] + cosine[:, None] * off_mm[..., 1]
     with np.errstate(invalid="ignore", divide="ignore"):
-        axes_mm = ON_IT * truth.half_axes_mm[mine]
+        axes_mm = ON_IT * truth.half_axes_mm[true]
         is_on = np.hypot(along / axes_mm[:, :1], across / axes_mm[:, 1:]) <= 1.0
     is_on |= away_mm < gate_mm
-    is_nearest = np.arange(len(mine))[:, None] == np.argmin(away_mm, axis=0)[None]
+    is_nearest = np.arange(len(true))[:, None] == np.argmin(away_mm, axis=0)[None]
     return np.asarray(count + (is_on & is_nearest).sum(axis=1) > 1)
 
 

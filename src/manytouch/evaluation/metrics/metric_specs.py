@@ -10,18 +10,18 @@ from typing import Any, Literal
 from manytouch.evaluation.metrics.matching import PITCH_MM
 from manytouch.values import LengthUnit
 
-Verdict = Literal["good", "fair", "poor", "none"]
+RatingName = Literal["good", "fair", "poor", "none"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MetricSpec:
-    """One line of a table of figures.
+    """A metric, which is a row in the tables of a report.
 
     Attributes:
         section, key: where the figure stands in `comparison.figures`; calibration has "quantity.key".
         label: in words.
         unit: "" for a plain number, "share" for a share that is shown in %.
-        good, poor: limits; which side is good follows from their order. None: no verdict.
+        good, poor: limits; which side is good follows from their order. None: no rating.
         aim: value that the figure should have; `good` and `poor` are then limits of its difference from it.
             None: they are limits of the figure itself.
         is_factor: `good` and `poor` are limits of the factor between the figure and `aim` instead.
@@ -41,7 +41,7 @@ class MetricSpec:
     is_head: bool = False
 
 
-def _lines(section: str, *lines: tuple[Any, ...], head: tuple[str, ...] = ()) -> tuple[MetricSpec, ...]:
+def _metrics(section: str, *metrics: tuple[Any, ...], head: tuple[str, ...] = ()) -> tuple[MetricSpec, ...]:
     return tuple(
         MetricSpec(
             section=section,
@@ -54,7 +54,7 @@ def _lines(section: str, *lines: tuple[Any, ...], head: tuple[str, ...] = ()) ->
             is_factor=key.endswith((".chi2_per_dof", ".spread")),
             is_head=key in head,
         )
-        for key, label, unit, *limits in lines
+        for key, label, unit, *limits in metrics
     )
 
 
@@ -66,7 +66,7 @@ _QUANTITIES = {
 }
 
 METRICS: tuple[MetricSpec, ...] = (
-    *_lines(
+    *_metrics(
         "detection",
         ("found_percent", "dots found", "%", 99.5, 95.0),
         ("false_percent", "false dots", "%", 0.1, 1.0),
@@ -78,7 +78,7 @@ METRICS: tuple[MetricSpec, ...] = (
         ("losses_per_1000", "losses per 1000 dots", "", 1.0, 20.0),
         head=("found_percent", "centre_rms_px", "wrong_percent"),
     ),
-    *_lines(
+    *_metrics(
         "depth",
         ("rmse_median_mm", "depth RMSE over the sheet, median frame", "mm", 0.05, 0.3),
         ("rmse_worst_mm", "depth RMSE over the sheet, worst frame", "mm", 0.2, 1.0),
@@ -92,7 +92,7 @@ METRICS: tuple[MetricSpec, ...] = (
         ("rest_rmse_mm", "depth RMSE while nothing touches", "mm", 0.02, 0.1),
         head=("rmse_median_mm", "rmse_worst_mm", "peak_percent", "given_percent"),
     ),
-    *_lines(
+    *_metrics(
         "contacts",
         ("precision_percent", "precision", "%", 98.0, 80.0),
         ("recall_percent", "recall", "%", 95.0, 80.0),
@@ -109,7 +109,7 @@ METRICS: tuple[MetricSpec, ...] = (
         ("estimated", "estimated contacts, over all frames", ""),
         head=("precision_percent", "recall_percent", "position_median_mm", "position_p95_mm"),
     ),
-    *_lines(
+    *_metrics(
         "force",
         ("normal_given_percent", "normal force given", "%", 98.0, 90.0),
         ("normal_median_percent", "normal force error, relative, median", "%", 6.0, 20.0),
@@ -136,22 +136,22 @@ METRICS: tuple[MetricSpec, ...] = (
         ("torque_p95_Nmm", "torque error, 95th percentile", "N mm"),
         head=("normal_median_percent", "shear_median_percent"),
     ),
-    *_lines(
+    *_metrics(
         "region",
         ("area_given_percent", "area given", "%", 98.0, 90.0),
         ("area_median_percent", "area error, relative, median", "%", 15.0, 40.0),
         ("area_bias_percent", "area error, relative, with its sign", "%", 10.0, 40.0, 0.0),
         ("half_major_median_percent", "major half axis error, relative, median", "%", 15.0, 40.0),
         ("half_minor_median_percent", "minor half axis error, relative, median", "%", 15.0, 40.0),
-        ("angle_median_deg", "angle error of long contacts, median", "deg", 5.0, 20.0),
+        ("angle_median_deg", "orientation error of long contacts, median", "deg", 5.0, 20.0),
     ),
-    *_lines(
+    *_metrics(
         "separation",
         ("from_mm_at_1_to_1", "two equal contacts resolved from", "mm", 8.0, 24.0),
         ("from_mm_at_1_to_0.3", "two contacts of 1 : 0.3 resolved from", "mm", 12.0, 32.0),
         head=("from_mm_at_1_to_1", "from_mm_at_1_to_0.3"),
     ),
-    *_lines(
+    *_metrics(
         "latency",
         ("p50_ms", "time per frame, median", "ms", 10.0, 33.3),
         ("p99_ms", "time per frame, 99th percentile", "ms", 20.0, 66.7),
@@ -159,9 +159,9 @@ METRICS: tuple[MetricSpec, ...] = (
         head=("p50_ms", "p99_ms"),
     ),
     *(
-        line
+        metric
         for quantity, words in _QUANTITIES.items()
-        for line in _lines(
+        for metric in _metrics(
             "calibration",
             (f"{quantity}.chi2_per_dof", f"{words}: chi² per component", "", 1.5, 3.0, 1.0),
             (f"{quantity}.spread", f"{words}: spread of z", "", 1.25, 1.75, 1.0),
@@ -173,42 +173,45 @@ METRICS: tuple[MetricSpec, ...] = (
 )
 
 
-def found(line: MetricSpec, figures: dict[str, Any]) -> float:
-    """The figure of a line; NaN when it is not given."""
+def metric_value(metric: MetricSpec, figures: dict[str, Any]) -> float:
+    """The value of a metric in `comparison.figures`; NaN when it is not given."""
     place: Any = figures
-    for name in (line.section, *(line.key.split(".", 1) if line.section == "calibration" else [line.key])):
+    for name in (
+        metric.section,
+        *(metric.key.split(".", 1) if metric.section == "calibration" else [metric.key]),
+    ):
         place = None if place is None else place.get(name)
     return math.nan if place is None else float(place)
 
 
-def verdict(line: MetricSpec, value: float, unit: LengthUnit = "mm") -> Verdict:
+def rating(metric: MetricSpec, value: float, unit: LengthUnit = "mm") -> RatingName:
     """Good, fair or poor; "none" where there is no limit or no figure."""
-    if line.good is None or line.poor is None or not math.isfinite(value):
+    if metric.good is None or metric.poor is None or not math.isfinite(value):
         return "none"
-    scale = 1.0 / PITCH_MM if line.unit == "mm" and unit == "pitch" else 1.0
-    good, poor = line.good * scale, line.poor * scale
-    off = off_aim(line, value)
+    scale = 1.0 / PITCH_MM if metric.unit == "mm" and unit == "pitch" else 1.0
+    good, poor = metric.good * scale, metric.poor * scale
+    off = off_aim(metric, value)
     if good > poor:
         off, good, poor = -off, -good, -poor
     return "good" if off <= good else "poor" if off > poor else "fair"
 
 
-def off_aim(line: MetricSpec, value: float) -> float:
+def off_aim(metric: MetricSpec, value: float) -> float:
     """How far a figure is from where it should be: itself, its distance, or its factor."""
-    if line.aim is None:
+    if metric.aim is None:
         return value
-    if line.is_factor:
-        return max(value / line.aim, line.aim / value) if value > 0 else math.inf
-    return abs(value - line.aim)
+    if metric.is_factor:
+        return max(value / metric.aim, metric.aim / value) if value > 0 else math.inf
+    return abs(value - metric.aim)
 
 
-def written(line: MetricSpec, value: float, unit: LengthUnit = "mm") -> str:
+def written(metric: MetricSpec, value: float, unit: LengthUnit = "mm") -> str:
     """A figure with its unit, or "not given"."""
     if not math.isfinite(value):
         return "not given"
-    if line.unit == "share":
+    if metric.unit == "share":
         return f"{100 * value:.1f} %"
-    return f"{plain(value, line.digits)} {unit if line.unit == 'mm' else line.unit}".strip()
+    return f"{plain(value, metric.digits)} {unit if metric.unit == 'mm' else metric.unit}".strip()
 
 
 def plain(value: float, digits: int = 3) -> str:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import ContactRows
 from manytouch.evaluation.metrics.matching import GATE_MM, REQUIRED_MM, assigned, rows_of
-from manytouch.evaluation.records.record import ContactRows
 from manytouch.values.arrays import Mask, Scalars
 
 RATIOS = (1.0, 0.3)

@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import EvaluatedRecording, subset
 from manytouch.evaluation.metrics.depth import depth_samples
 from manytouch.evaluation.metrics.markers import own_numbers
 from manytouch.evaluation.metrics.matching import assigned, gates_of
-from manytouch.evaluation.records.record import EvaluationRecord, subset
 from manytouch.values.images.grey_levels import to_8_bits
 
 WIDEST_PX = 900
@@ -50,15 +50,15 @@ class WorstFrame:
 
 
 def find_worst_frame(
-    truth: EvaluationRecord,
-    estimated: EvaluationRecord,
+    truth: EvaluatedRecording,
+    estimated: EvaluatedRecording,
     *,
     gate_mm: float,
     picture: Callable[[int], np.ndarray | None] | None = None,
 ) -> WorstFrame | None:
     """The frame of the largest RMSE of depth among those in which something touches.
 
-    Both records must contain the same frames. None when nothing touches, or no depth is given.
+    Both recordings must contain the same frames. None when nothing touches, or no depth is given.
     """
     samples = depth_samples(truth, estimated)
     rmse = np.where(samples.is_pressed & np.isfinite(samples.rmse_mm), samples.rmse_mm, -np.inf)

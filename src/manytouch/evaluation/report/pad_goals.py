@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from manytouch.evaluation.metrics.comparison import figures
-from manytouch.evaluation.metrics.metric_specs import METRICS, MetricSpec, found, written
+from manytouch.evaluation.metrics.metric_specs import METRICS, MetricSpec, metric_value, written
 from manytouch.evaluation.report.report_data import part
 from manytouch.evaluation.suite.cases import HOLD_FRAMES, PAD_GROUPS
 from manytouch.evaluation.suite.runner import Evaluation
@@ -52,8 +52,8 @@ def goal_rows(evaluation: Evaluation) -> list[dict[str, Any]]:
         everything = [None if one is None else figures(one) for one in parts]
         if any(everything):
             rows += [
-                {"part": WORDS[name], "label": line.label, "goal": goal, "cells": cells}
-                for line, goal, cells in _lines(name, everything)
+                {"part": WORDS[name], "label": metric.label, "goal": goal, "cells": cells}
+                for metric, goal, cells in _metrics(name, everything)
             ]
     return rows
 
@@ -68,38 +68,39 @@ def goal_sentences(evaluation: Evaluation) -> list[str]:
             if everything is None or not math.isfinite(everything["force"]["normal_median_percent"]):
                 continue
             texts = [
-                f"{line.label} {cells[0][0]} ({goal})" for line, goal, cells in _lines(name, [everything])
+                f"{metric.label} {cells[0][0]} ({goal})"
+                for metric, goal, cells in _metrics(name, [everything])
             ]
             sentences.append(f"{WORDS[name]}, {method}: {', '.join(texts)}")
     return sentences
 
 
-def _lines(
+def _metrics(
     name: str, everything: list[dict[str, Any] | None]
 ) -> Iterator[tuple[MetricSpec, str, list[tuple[str, bool]]]]:
     """Each goal of a group: its metric, the goal in words, and a figure and whether it is reached."""
     for (section, key), limit in GOALS[name].items():
-        line = next(each for each in METRICS if (each.section, each.key) == (section, key))
+        metric = next(each for each in METRICS if (each.section, each.key) == (section, key))
         cells, presses = [], 1
         for one in everything:
-            value = math.nan if one is None else found(line, one)
+            value = math.nan if one is None else metric_value(metric, one)
             presses = presses if one is None else max(int(one["contacts"]["true"]) // HOLD_FRAMES, 1)
-            cells.append((written(line, value), _is_reached(line, value, limit, presses)))
-        if line.unit == "share":
+            cells.append((written(metric, value), _is_reached(metric, value, limit, presses)))
+        if metric.unit == "share":
             goal = f"goal {100 * limit:g} ± {100 * _band(limit, presses):.0f} %"
         else:
-            goal = f"goal {'≥' if _is_more_better(line) else '≤'} {limit:g} {line.unit}"
-        yield line, goal, cells
+            goal = f"goal {'≥' if _is_more_better(metric) else '≤'} {limit:g} {metric.unit}"
+        yield metric, goal, cells
 
 
-def _is_reached(line: MetricSpec, value: float, limit: float, presses: int) -> bool:
-    if line.unit == "share":
+def _is_reached(metric: MetricSpec, value: float, limit: float, presses: int) -> bool:
+    if metric.unit == "share":
         return abs(value - limit) <= _band(limit, presses)
-    return value >= limit if _is_more_better(line) else value <= limit
+    return value >= limit if _is_more_better(metric) else value <= limit
 
 
-def _is_more_better(line: MetricSpec) -> bool:
-    return line.good is not None and line.poor is not None and line.good > line.poor
+def _is_more_better(metric: MetricSpec) -> bool:
+    return metric.good is not None and metric.poor is not None and metric.good > metric.poor
 
 
 def _band(share: float, count: int) -> float:

@@ -5,7 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from manytouch.evaluation.metrics.metric_specs import METRICS, MetricSpec, found, off_aim, verdict, written
+from manytouch.evaluation.metrics.matching import PITCH_MM
+from manytouch.evaluation.metrics.metric_specs import (
+    METRICS,
+    MetricSpec,
+    metric_value,
+    off_aim,
+    rating,
+    written,
+)
 from manytouch.values import LengthUnit
 
 SIGNS = {"good": "●", "fair": "◐", "poor": "○", "none": ""}
@@ -19,13 +27,13 @@ class Cell:
 
     Attributes:
         text: with its unit.
-        verdict: good, fair, poor or none.
+        rating: good, fair, poor or none.
         sign: the same as a shape, for those who do not see the colour.
         is_best: better than those of all other methods?
     """
 
     text: str
-    verdict: str
+    rating: str
     sign: str
     is_best: bool = False
 
@@ -41,7 +49,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rating:
+class MethodRating:
     """What is good and what is poor of one method: labels and figures."""
 
     method: str
@@ -54,62 +62,68 @@ def table(data: dict[str, Any], section: str) -> list[Row]:
     """The rows of a section, or of "summary", of all recordings; without figures that nobody gives."""
     everything = [data["figures"][method]["all"] for method in data["methods"]]
     unit: LengthUnit = data["unit"]
-    lines = [line for line in METRICS if (line.is_head if section == "summary" else line.section == section)]
+    metrics = [
+        metric
+        for metric in METRICS
+        if (metric.is_head if section == "summary" else metric.section == section)
+    ]
     rows = []
-    for line in lines:
-        cells = [cell(line, figured, unit) for figured in everything]
+    for metric in metrics:
+        cells = [cell(metric, figured, unit) for figured in everything]
         if section != "summary" and all(one.text == NOT_GIVEN for one in cells):
             continue
-        best = _best(line, everything)
+        best = _best(metric, everything)
         if best is not None and [one.text for one in cells].count(cells[best].text) == 1:
             cells[best] = replace(cells[best], is_best=True)
         rows.append(
-            Row(section=line.section, label=line.label, limits=limits(line, unit), cells=tuple(cells))
+            Row(section=metric.section, label=metric.label, limits=limits(metric, unit), cells=tuple(cells))
         )
     return rows
 
 
-def cell(line: MetricSpec, figured: dict[str, Any], unit: LengthUnit) -> Cell:
-    """A figure with its verdict; a separation that is never reached is poor, not missing."""
-    value = found(line, figured)
-    if line.section == "separation" and not np.isfinite(value) and _pairs(line, figured):
-        return Cell(text="never", verdict="poor", sign=SIGNS["poor"])
-    word = verdict(line, value, unit)
-    return Cell(text=written(line, value, unit), verdict=word, sign=SIGNS[word])
+def cell(metric: MetricSpec, figured: dict[str, Any], unit: LengthUnit) -> Cell:
+    """A figure with its rating; a separation that is never reached is poor, not missing."""
+    value = metric_value(metric, figured)
+    if metric.section == "separation" and not np.isfinite(value) and _pairs(metric, figured):
+        return Cell(text="never", rating="poor", sign=SIGNS["poor"])
+    word = rating(metric, value, unit)
+    return Cell(text=written(metric, value, unit), rating=word, sign=SIGNS[word])
 
 
-def _pairs(line: MetricSpec, figured: dict[str, Any]) -> int:
-    """Frames with two contacts of the force ratio of a line."""
-    return int(figured["separation"][line.key.replace("from_mm", "pairs")])
+def _pairs(metric: MetricSpec, figured: dict[str, Any]) -> int:
+    """Frames with two contacts of the force ratio of a metric."""
+    return int(figured["separation"][metric.key.replace("from_mm", "pairs")])
 
 
-def limits(line: MetricSpec, unit: LengthUnit) -> str:
+def limits(metric: MetricSpec, unit: LengthUnit) -> str:
     """From where on a figure is good and poor, for the table's last column."""
-    if line.good is None or line.poor is None:
+    if metric.good is None or metric.poor is None:
         return ""
-    scale = 0.25 if line.unit == "mm" and unit == "pitch" else 1.0
-    good, poor = line.good * scale, line.poor * scale
-    if line.is_factor:
-        return f"{line.aim:g} within × {good:g}, poor beyond × {poor:g}"
-    if line.unit == "share" and line.aim is not None:
-        return f"{100 * line.aim:g} ± {100 * good:g}, poor beyond ± {100 * poor:g}"
-    if line.aim is not None:
-        return f"{line.aim:g} ± {good:g}, poor beyond ± {poor:g}"
+    scale = 1.0 / PITCH_MM if metric.unit == "mm" and unit == "pitch" else 1.0
+    good, poor = metric.good * scale, metric.poor * scale
+    if metric.is_factor:
+        return f"{metric.aim:g} within × {good:g}, poor beyond × {poor:g}"
+    if metric.unit == "share" and metric.aim is not None:
+        return f"{100 * metric.aim:g} ± {100 * good:g}, poor beyond ± {100 * poor:g}"
+    if metric.aim is not None:
+        return f"{metric.aim:g} ± {good:g}, poor beyond ± {poor:g}"
     sides = ("≥", "<") if good > poor else ("≤", ">")
     return f"{sides[0]} {good:g}, poor {sides[1]} {poor:g}"
 
 
-def rate_methods(data: dict[str, Any]) -> list[Rating]:
+def rate_methods(data: dict[str, Any]) -> list[MethodRating]:
     """What of the summary is good of each method, what is poor, and what it does not give."""
-    lines = [line for line in METRICS if line.is_head]
+    metrics = [metric for metric in METRICS if metric.is_head]
     rated = []
     for method in data["methods"]:
-        shown = [(line.label, cell(line, data["figures"][method]["all"], data["unit"])) for line in lines]
+        shown = [
+            (metric.label, cell(metric, data["figures"][method]["all"], data["unit"])) for metric in metrics
+        ]
         sides = {
-            word: tuple((label, one.text) for label, one in shown if one.verdict == word) for word in SIGNS
+            word: tuple((label, one.text) for label, one in shown if one.rating == word) for word in SIGNS
         }
         rated.append(
-            Rating(
+            MethodRating(
                 method=method,
                 good=sides["good"],
                 poor=sides["poor"],
@@ -140,13 +154,13 @@ def halves_rows(data: dict[str, Any]) -> list[dict[str, Any]]:
         *(("contacts", "precision_percent"), ("contacts", "recall_percent")),
         *(("contacts", "position_median_mm"), ("force", "normal_median_percent")),
     )
-    lines = [next(line for line in METRICS if (line.section, line.key) == key) for key in keys]
+    metrics = [next(metric for metric in METRICS if (metric.section, metric.key) == key) for key in keys]
     rows = []
     for name, words in names.items():
         for method in data["methods"]:
             figured = data["figures"][method].get(name)
             if figured is not None:
-                values = [written(line, found(line, figured), data["unit"]) for line in lines]
+                values = [written(metric, metric_value(metric, figured), data["unit"]) for metric in metrics]
                 rows.append({"part": words, "method": method, "values": values})
     return rows
 
@@ -154,13 +168,13 @@ def halves_rows(data: dict[str, Any]) -> list[dict[str, Any]]:
 def case_rows(data: dict[str, Any]) -> list[dict[str, Any]]:
     """The main figures of every recording."""
     keys = (("depth", "rmse_median_mm"), ("contacts", "recall_percent"), ("contacts", "precision_percent"))
-    lines = [next(line for line in METRICS if (line.section, line.key) == key) for key in keys]
+    metrics = [next(metric for metric in METRICS if (metric.section, metric.key) == key) for key in keys]
     return [
         {
             "title": one["title"],
             "case": one["case"],
             "cells": [
-                [cell(line, one["figures"][method], data["unit"]) for line in lines]
+                [cell(metric, one["figures"][method], data["unit"]) for metric in metrics]
                 for method in data["methods"]
             ],
         }
@@ -168,25 +182,25 @@ def case_rows(data: dict[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
-def _best(line: MetricSpec, everything: list[dict[str, Any]]) -> int | None:
+def _best(metric: MetricSpec, everything: list[dict[str, Any]]) -> int | None:
     """The method with the best figure; None where they cannot be compared.
 
     Errors of depth and force are those of what is given, so they are not ranked when the methods do
     not give about the same share.
     """
-    if line.good is None or line.poor is None:
+    if metric.good is None or metric.poor is None:
         return None
-    known = [(found(line, one), index) for index, one in enumerate(everything)]
+    known = [(metric_value(metric, one), index) for index, one in enumerate(everything)]
     known = [(value, index) for value, index in known if np.isfinite(value)]
-    given = {"depth": "given_percent", "force": "normal_given_percent"}.get(line.section)
-    if given is not None and line.key != given:
-        shares = [float(one[line.section][given] or 0.0) for one in everything]
+    given = {"depth": "given_percent", "force": "normal_given_percent"}.get(metric.section)
+    if given is not None and metric.key != given:
+        shares = [float(one[metric.section][given] or 0.0) for one in everything]
         if max(shares) - min(shares) > SAME_SHARE_PERCENT:
             return None
     if len(known) < 2:
         return None
-    if line.aim is not None:
-        known = [(off_aim(line, value), index) for value, index in known]
-    elif line.good > line.poor:
+    if metric.aim is not None:
+        known = [(off_aim(metric, value), index) for value, index in known]
+    elif metric.good > metric.poor:
         known = [(-value, index) for value, index in known]
     return min(known)[1]

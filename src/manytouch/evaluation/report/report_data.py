@@ -14,7 +14,7 @@ from manytouch.evaluation.metrics.comparison import (
     pooled,
     uncertainty_calibrations,
 )
-from manytouch.evaluation.metrics.metric_specs import METRICS, found, verdict, written
+from manytouch.evaluation.metrics.metric_specs import METRICS, metric_value, rating, written
 from manytouch.evaluation.report.goals import goal_table
 from manytouch.evaluation.suite.cases import PAD_GROUPS
 from manytouch.evaluation.suite.runner import Evaluation, Trial
@@ -40,7 +40,7 @@ def contents(evaluation: Evaluation) -> dict[str, Any]:
             "figures": {method: _parts(evaluation, method) for method in evaluation.methods},
             "curves": {method: curves(one) for method, one in whole.items() if one is not None},
             "promised": _promised(whole.values()),
-            "verdicts": {method: _verdicts(one) for method, one in whole.items() if one is not None},
+            "verdicts": {method: _ratings(one) for method, one in whole.items() if one is not None},
             "cases": [_case(trial) for trial in evaluation.trials],
             "left_out": dict(evaluation.left_out),
             "goals": [asdict(row) for row in goal_table(evaluation)],
@@ -77,8 +77,10 @@ def in_short(evaluation: Evaluation, method: str) -> str:
     if one is None:
         return "no recording"
     everything = figures(one)
-    lines = [line for line in METRICS if (line.section, line.key) in keys]
-    return ", ".join(f"{line.label} {written(line, found(line, everything), one.unit)}" for line in lines)
+    metrics = [metric for metric in METRICS if (metric.section, metric.key) in keys]
+    return ", ".join(
+        f"{metric.label} {written(metric, metric_value(metric, everything), one.unit)}" for metric in metrics
+    )
 
 
 def forces_in_short(evaluation: Evaluation, method: str) -> str | None:
@@ -91,8 +93,10 @@ def forces_in_short(evaluation: Evaluation, method: str) -> str | None:
     everything = None if one is None else figures(one)
     if one is None or everything is None or not math.isfinite(everything["force"]["normal_median_N"]):
         return None
-    lines = [line for line in METRICS if (line.section, line.key) in keys]
-    return ", ".join(f"{line.label} {written(line, found(line, everything), one.unit)}" for line in lines)
+    metrics = [metric for metric in METRICS if (metric.section, metric.key) in keys]
+    return ", ".join(
+        f"{metric.label} {written(metric, metric_value(metric, everything), one.unit)}" for metric in metrics
+    )
 
 
 def unit_of(evaluation: Evaluation) -> str:
@@ -128,12 +132,12 @@ def _parts(evaluation: Evaluation, method: str) -> dict[str, Any]:
     return {name: figures(one) for name, one in parts.items() if one is not None}
 
 
-def _verdicts(comparison: MethodErrors) -> dict[str, str]:
+def _ratings(comparison: MethodErrors) -> dict[str, str]:
     everything = figures(comparison)
     return {
-        f"{line.section}.{line.key}": word
-        for line in METRICS
-        if (word := verdict(line, found(line, everything), comparison.unit)) != "none"
+        f"{metric.section}.{metric.key}": word
+        for metric in METRICS
+        if (word := rating(metric, metric_value(metric, everything), comparison.unit)) != "none"
     }
 
 

@@ -13,11 +13,11 @@ import numpy as np
 import manytouch
 from manytouch.calibration.rest.assumed_sensor import register_rest
 from manytouch.errors import ManytouchError
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import EvaluatedRecording, contact_rows
+from manytouch.evaluation.evaluated_recordings.in_memory import recording_of_readings, recording_of_truths
 from manytouch.evaluation.metrics.comparison import MethodErrors, compare
 from manytouch.evaluation.metrics.contacts import contact_figures
 from manytouch.evaluation.metrics.depth import depth_figures
-from manytouch.evaluation.records.in_memory import record_of_readings, record_of_truths
-from manytouch.evaluation.records.record import EvaluationRecord, contact_rows
 from manytouch.evaluation.suite.cases import REST_FRAMES, Case
 from manytouch.evaluation.suite.given import given_sensor
 from manytouch.evaluation.suite.recordings import CaseSimulation, SimulatedRecording
@@ -148,7 +148,7 @@ def code_of_the_package() -> str:
 
 def process_case(case: Case, methods: Mapping[str, Pipeline], recording: SimulatedRecording) -> Trial:
     """Process a recording with every method, each with the sensor that is given to methods in this case."""
-    truth = record_of_truths(recording.truths, recording.sensor, name=case.title)
+    truth = recording_of_truths(recording.truths, recording.sensor, name=case.title)
     pictures = {frame.index: frame.image for frame in recording.frames}
     comparisons = []
     for method, pipeline in methods.items():
@@ -158,7 +158,7 @@ def process_case(case: Case, methods: Mapping[str, Pipeline], recording: Simulat
             for _ in pipeline.run(recording.frames[:2], sensor):
                 pass  # compiling and first touches are in no frame's time
             readings = tuple(pipeline.run(recording.frames, sensor))
-            estimated = record_of_readings(readings, sensor, name=case.title, method=method)
+            estimated = recording_of_readings(readings, sensor, name=case.title, method=method)
         except ManytouchError as error:
             note = (f"{case.title}: {method} could not begin: {error}",)
             estimated = silent(truth, method)
@@ -167,8 +167,8 @@ def process_case(case: Case, methods: Mapping[str, Pipeline], recording: Simulat
     return Trial(title=case.title, case=case, comparisons=tuple(comparisons))
 
 
-def silent(truth: EvaluationRecord, method: str) -> EvaluationRecord:
-    """The record of a method that estimates nothing; it is evaluated like all others."""
+def silent(truth: EvaluatedRecording, method: str) -> EvaluatedRecording:
+    """The recording as a method that estimates nothing has it; it is evaluated like all others."""
     no_contacts = contact_rows({name: np.zeros(0) for name in CONTACT_COLUMNS})
     return replace(
         truth,

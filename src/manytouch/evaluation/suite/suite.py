@@ -10,7 +10,7 @@ from itertools import product
 
 import numpy as np
 
-from manytouch.evaluation.records.record import EvaluationError
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import EvaluationError
 from manytouch.evaluation.suite.cases import (
     GROUPS,
     OWN_PAD_GROUPS,

@@ -64,5 +64,9 @@ def polynomials(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def lame_constants(poisson: float) -> tuple[float, float]:
-    """Both Lame constants over Young's modulus."""
+    """Lame's constants lambda and mu over Young's modulus; `poisson` is below 1/2.
+
+    Raises:
+        ZeroDivisionError: a Poisson's ratio of 1/2.
+    """
     return poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)), 0.5 / (1.0 + poisson)

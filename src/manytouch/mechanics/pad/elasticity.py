@@ -19,13 +19,13 @@ from manytouch.geometry.spline.patch import PointBasis, SplinePatch
 from manytouch.mechanics.pad.axes import DEGREE_Z, Axis, depth_axis, lame_constants, polynomials, spline_axis
 from manytouch.values.arrays import Points2, read_only
 
-_REACH = 3  # nodes along an axis with common elements
+_COUPLED_NODES = 3  # along an axis on each side of a node: those whose cubic splines share elements with its
 _STEP = 1e-6  # relative, of the thickness, in derivatives
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PadResponse:
-    """Displacements of the markers and of the contact face by nodal forces on that face, both over E.
+    """Displacements, mm, of the markers and of the contact face by nodal forces over E, mm^2, on that face.
 
     Nodal forces are those of `SplinePatch.load`: int t B_j of a traction t.
 
@@ -78,7 +78,7 @@ def pad_response(
     """The response of a pad.
 
     Args:
-        patch: outline and nodes of the pad, with a free boundary and odd numbers of elements.
+        patch: outline and nodes of the pad, with `boundary="soft"` and odd numbers of elements.
         thickness_mm: of the pad.
         poisson: its Poisson's ratio, below 1/2.
         marker_mm: (m, 2) places of the markers at rest.
@@ -86,6 +86,7 @@ def pad_response(
 
     Raises:
         ValueError: an even number of elements.
+        ZeroDivisionError: a Poisson's ratio of 1/2.
     """
     if patch.elements[0] % 2 == 0 or patch.elements[1] % 2 == 0:
         raise ValueError(f"a pad needs odd numbers of elements, not {patch.elements}")
@@ -161,7 +162,7 @@ def _parts(patch: SplinePatch, thickness_mm: float) -> Iterator[_Part]:
             unfold=_interleaved([csr_array(kron(kron(each[0], each[1]), each[2])) for each in mirrors]),
             unfold_face=_interleaved([csr_array(kron(each[0], each[1])) for each in mirrors]),
             on_face=on_face.ravel(),
-            block=_REACH * half[1] * DEGREE_Z * 3,
+            block=_COUPLED_NODES * half[1] * DEGREE_Z * 3,
         )
 
 

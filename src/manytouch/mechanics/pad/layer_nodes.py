@@ -9,7 +9,7 @@ from jaxtyping import Complex128, Float64
 from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.pad.axes import DEGREE_Z, depth_axis, lame_constants, polynomials, spline_axis
 
-_REACH = 3  # nodes along an axis with common elements
+_COUPLED_NODES = 3  # along an axis on each side of a node: those whose cubic splines share elements with its
 
 
 class _Integrals(NamedTuple):
@@ -45,8 +45,11 @@ def layer_node_response(
     Returns:
         (a, b, 3, 3) for each node of a period along x and y, the loaded one first: components of the
         displacement by components of the force, 1/mm.
+
+    Raises:
+        ZeroDivisionError: a Poisson's ratio of 1/2.
     """
-    first, second = lame_constants(poisson)
+    lam, mu = lame_constants(poisson)
     through = depth_axis(thickness_mm)
     integrals = (
         _waves(step_mm[0], counts[0], 0),
@@ -56,9 +59,9 @@ def layer_node_response(
     matrix = np.zeros((*counts, DEGREE_Z, 3, DEGREE_Z, 3), dtype=np.complex128)
     for row in range(3):
         for column in range(3):
-            total = first * _product(integrals, row, column) + second * _product(integrals, column, row)
+            total = lam * _product(integrals, row, column) + mu * _product(integrals, column, row)
             if row == column:
-                total = total + second * sum(_product(integrals, along, along) for along in range(3))
+                total = total + mu * sum(_product(integrals, along, along) for along in range(3))
             matrix[:, :, :, row, :, column] = total
     unknowns = 3 * DEGREE_Z
     load = np.eye(unknowns)[:, :3]  # of the first polynomial
@@ -77,7 +80,8 @@ def _waves(step_mm: float, count: int, axis: int) -> _Integrals:
 
     def wave(matrix: np.ndarray) -> np.ndarray:
         row = np.zeros(count)
-        row[np.arange(-_REACH, _REACH + 1)] = matrix[middle, middle - _REACH : middle + _REACH + 1]
+        coupled = np.arange(-_COUPLED_NODES, _COUPLED_NODES + 1)
+        row[coupled] = matrix[middle, middle + coupled]
         return (count * np.fft.ifft(row)).reshape(shape)
 
     mixed = wave(uniform.mixed)

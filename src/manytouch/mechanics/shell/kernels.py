@@ -44,16 +44,16 @@ class Elements(NamedTuple):
 
 
 class Stiffness(NamedTuple):
-    """Properties of a sheet, all but the thickness divided by E.
+    """Properties of a sheet: moduli, tension and shear stiffness over E; the others are lengths and an area.
 
     Attributes:
         thickness: mm.
-        mu, bulk: shear and bulk modulus.
-        tension: membrane force at rest, mm.
+        mu, bulk: shear and bulk modulus over E.
+        tension: membrane force at rest over E, mm.
         lever: distance from the middle surface of the two points across the thickness at which the energy is
             evaluated, mm; t / sqrt(12) for a homogeneous sheet.
         shear: a in the deflection w = b - a lap b, mm^2.
-        shear_stiffness: of grad lap b, mm^5.
+        shear_stiffness: of grad lap b over E, mm^5.
     """
 
     thickness: float

@@ -1,7 +1,7 @@
 """Tangent of the shell, element by element, compiled.
 
 Derivation and symbols: docs/derivations/mechanics.md. The tangent of an element is a sum over its Gauss
-points of products of two derivatives of displacements; `Factors` has the factor of each product.
+points of products of two derivatives of displacements; `SecondDerivatives` has the factor of each product.
 """
 
 import numpy as np
@@ -19,13 +19,13 @@ from manytouch.mechanics.shell.kernels import (
     scatter_force,
     tabulate,
 )
-from manytouch.mechanics.shell.tangent_factors import (
-    Factors,
+from manytouch.mechanics.shell.point_derivatives import (
+    SecondDerivatives,
     add_force,
     evaluate,
     new_state,
-    set_deflection_factors,
-    set_plane_factors,
+    set_deflection_derivatives,
+    set_plane_derivatives,
 )
 from manytouch.mechanics.shell.tangent_kernels import REACH, ROW, STRIP, Coefficients, Tangent, clear_outside
 
@@ -93,9 +93,9 @@ def _sum_deflection(
 
 @inlined_kernel(fastmath=True)
 @no_type_check
-def _sum_factors(
+def _sum_derivatives(
     component: tuple[int, int],
-    factors: Factors,
+    derivatives: SecondDerivatives,
     plane: Float[np.ndarray, "18 16"],
     deflection: Float[np.ndarray, "63 16"],
     left: Float[np.ndarray, "63 16"],
@@ -106,15 +106,15 @@ def _sum_factors(
     """
     i, j = component
     if i < 2 and j < 2:
-        _sum_plane(factors.plane[:, i, j], 2, plane, left)
+        _sum_plane(derivatives.plane[:, i, j], 2, plane, left)
         return 2 * POINTS
     if i < 2:
-        _sum_plane(factors.coupling[:, i], 7, plane, left)
+        _sum_plane(derivatives.coupling[:, i], 7, plane, left)
         return 7 * POINTS
     if j < 2:
-        _sum_deflection(factors.coupling[:, j], deflection, left)
+        _sum_deflection(derivatives.coupling[:, j], deflection, left)
         return 2 * POINTS
-    _sum_deflection(factors.deflection, deflection, left)
+    _sum_deflection(derivatives.deflection, deflection, left)
     return 7 * POINTS
 
 
@@ -135,7 +135,7 @@ def forces_and_tangent(
     plane, deflection = np.empty((2 * POINTS, LOCAL), kind), np.empty((7 * POINTS, LOCAL), kind)
     flat, flat_left, flat_tangent = matrix.reshape(-1), left.reshape(-1), tangent.reshape(-1)
     flat_plane, flat_deflection = plane.reshape(-1), deflection.reshape(-1)
-    factors = Factors(
+    derivatives = SecondDerivatives(
         np.empty((POINTS, 2, 2, 2, 2), kind),
         np.empty((POINTS, 2, 2, 7), kind),
         np.empty((POINTS, 7, 7), kind),
@@ -152,9 +152,9 @@ def forces_and_tangent(
                 weight = elements.weight[at]
                 slopes = evaluate((local, tables), at, weight, stiffness, state)
                 add_force(state, tables, at, slopes, element)
-                set_plane_factors(at, state, slopes.fibre, factors)
+                set_plane_derivatives(at, state, slopes.fibre_cos2, derivatives)
                 sheared = weight * stiffness.shear_stiffness
-                set_deflection_factors(at, state, slopes, sheared, factors)
+                set_deflection_derivatives(at, state, slopes, sheared, derivatives)
             for row, table in enumerate((nx, ny)):
                 plane[row * POINTS : (row + 1) * POINTS] = table
             for row, table in enumerate((wx, wy, nxx, nyy, nxy, lx, ly)):
@@ -162,7 +162,7 @@ def forces_and_tangent(
             first = (es - elements.dropped, ef - elements.dropped)
             for i in range(3):
                 for j in range(3):
-                    count = _sum_factors((i, j), factors, plane, deflection, left)
+                    count = _sum_derivatives((i, j), derivatives, plane, deflection, left)
                     right = flat_deflection if j == 2 else flat_plane
                     matrix[:] = 0.0
                     for row in range(0, LOCAL, ROWS):

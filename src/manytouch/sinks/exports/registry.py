@@ -34,7 +34,7 @@ class Format:
 
 FORMATS: Mapping[str, Format] = {
     "ros2bag": Format(
-        purpose="ROS 2 bag (MCAP) with the topics of --to ros2://",
+        purpose="ROS 2 bag (MCAP) with the topics of --to ros2:// and sensor_msgs/CompressedImage",
         result="NAME/",
         suffix="",
         write=write_ros2bag,

@@ -9,6 +9,7 @@ from manytouch.errors import MissingExtraError
 from manytouch.recording.reader import Recording
 from manytouch.sinks.exports.readings import frames_of
 from manytouch.sinks.ros2.messages import RosMessage, RosMessages, typestore
+from manytouch.values.frame import image_format
 
 VERSION: Literal[9] = 9  # of metadata.yaml; Jazzy writes it
 
@@ -20,7 +21,7 @@ def _name(recording: Recording) -> str:
 
 
 def write_ros2bag(recordings: Sequence[Recording], folder: Path) -> None:
-    """Write the topics of `--to ros2://` of one recording, with its images.
+    """Write the topics of `--to ros2://` of one recording, with its images as `sensor_msgs/CompressedImage`.
 
     Raises:
         MissingExtraError: rosbags is not installed.
@@ -46,8 +47,7 @@ def write_ros2bag(recordings: Sequence[Recording], folder: Path) -> None:
         for frame, reading in frames_of(recording):
             stamp_ns = begin_ns + frame.timestamp_ns
             if frame.encoded:
-                kind = "png" if frame.encoded.startswith(b"\x89PNG") else "jpeg"
-                put(messages.image(frame.encoded, kind, stamp_ns), stamp_ns)
+                put(messages.image(frame.encoded, image_format(frame.encoded), stamp_ns), stamp_ns)
                 if not recording.sensor.camera.views:
                     put(messages.camera_info(stamp_ns), stamp_ns)
             if reading is not None:

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 
 from manytouch.sinks.files.arrow_columns import arrow_column, point_lists
-from manytouch.sinks.files.parquet_file import ParquetFile
+from manytouch.sinks.files.row_group_writer import RowGroupWriter
 from manytouch.values import LengthUnit, Reading, Sensor
 
 ROWS_PER_GROUP = 8192
@@ -33,7 +33,7 @@ class RegionTable:
 
     def __init__(self, folder: Path, sensor: Sensor) -> None:
         self._schema = region_schema(sensor.length_unit)
-        self._file = ParquetFile(folder / "regions.parquet", self._schema)
+        self._file = RowGroupWriter(folder / "regions.parquet", self._schema)
         self._waiting: list[tuple[int, int, int, bool]] = []
         self._outlines: list[np.ndarray] = []
 

@@ -14,7 +14,7 @@ import pyarrow as pa
 
 from manytouch.sinks.files.arrow_columns import arrow_column
 from manytouch.sinks.files.atomic_output import output_errors
-from manytouch.sinks.files.parquet_file import ParquetFile
+from manytouch.sinks.files.row_group_writer import RowGroupWriter
 from manytouch.sinks.files.sensor_description import layout_of
 from manytouch.values import Contact, LengthUnit, Reading, Sensor
 from manytouch.values.tabular.rows import contact_row
@@ -271,7 +271,7 @@ class MarkerTable:
         place = layout.row_column
         self._row_column = None if place is None else place[self._marker].astype(np.int32)
         self._schema = marker_schema(sensor.length_unit)
-        self._file = ParquetFile(folder / "markers.parquet", self._schema, use_dictionary=False)
+        self._file = RowGroupWriter(folder / "markers.parquet", self._schema, use_dictionary=False)
         self._waiting: list[pa.RecordBatch] = []
         self._rows = 0
 

@@ -31,8 +31,8 @@ NICENESS = 5
 """By how much less important to the system the outputs are than the session."""
 
 
-class SessionFarAway:
-    """The `Controls` of the session, as far as outputs need them."""
+class RemoteSession:
+    """The `Controls` of the session in the other process, as far as outputs need them."""
 
     def __init__(self, opening: Opening, answer: "AnswerChannel") -> None:
         self._sensor, self._health, self._answer = opening.sensor, opening.health, answer
@@ -131,7 +131,7 @@ def _serve(from_session: BufferedReader, answer: AnswerChannel) -> None:
     opening = receive(from_session)
     if not isinstance(opening, Opening):
         return
-    session = SessionFarAway(opening, answer)
+    session = RemoteSession(opening, answer)
     outputs = open_outputs(opening.urls, session)
     with suppress(Exception):  # an output that cannot send has its problem with the first reading
         _warm_up(opening)

@@ -5,6 +5,7 @@ from functools import lru_cache
 
 from manytouch.sinks.publishers.address import OutputAddress
 from manytouch.values import Frame
+from manytouch.values.frame import image_format
 from manytouch.values.images.grey_levels import least_scale, to_8_bits
 
 JPEG_QUALITY = 90
@@ -55,7 +56,7 @@ def encoded_image(frame: Frame, scale: float | None = None) -> tuple[bytes, str]
         scale: of its grey levels (`to_8_bits`).
     """
     if frame.encoded is not None:
-        return frame.encoded, "png" if frame.encoded.startswith(b"\x89PNG") else "jpeg"
+        return frame.encoded, image_format(frame.encoded)
     if frame.image is None:
         return b"", "jpeg"
     with _ENCODING:

@@ -4,7 +4,7 @@ NAME/wrench             geometry_msgs/WrenchStamped    sum of all contacts, abou
 NAME/contacts           sensor_msgs/PointCloud2        a point per contact, fields `CONTACT_FIELDS`
 NAME/surface            sensor_msgs/PointCloud2        a point per marker: x, y, z, depth, pressure
 NAME/contact_markers    visualization_msgs/MarkerArray an arrow per contact along its force
-NAME/image/compressed   sensor_msgs/CompressedImage    the image as the camera gave it, else JPEG
+NAME/image/compressed   sensor_msgs/CompressedImage    the camera's JPEG or PNG; else JPEG, in bags PNG
 NAME/camera_info        sensor_msgs/CameraInfo
 /diagnostics            diagnostic_msgs/DiagnosticArray
 /tf_static              tf2_msgs/TFMessage             NAME_camera to NAME_sheet, and a parent to NAME_camera
@@ -242,9 +242,9 @@ class RosMessages:
         """State of the session: level 1 for a status of a frame or a doubtful reference, 2 without source."""
         doubts = [str(status)] if status is not Status.OK else []
         doubts += [] if health.reference_warning is None else [health.reference_warning]
-        level = 2 if health.source != "ok" else int(bool(doubts))
+        level = 2 if health.source_state != "ok" else int(bool(doubts))
         values: Mapping[str, object] = {
-            "fps": f"{health.fps:.1f}",
+            "fps": f"{health.readings_per_s:.1f}",
             "latency_ms_p50": f"{health.latency_ms_p50:.1f}",
             "latency_ms_p99": f"{health.latency_ms_p99:.1f}",
             "frames": health.frames,
@@ -258,7 +258,7 @@ class RosMessages:
             "diagnostic_msgs/msg/DiagnosticStatus",
             level=level,
             name=self._name,
-            message=health.source if health.source != "ok" else "; ".join(doubts) or str(status),
+            message=health.source_state if health.source_state != "ok" else "; ".join(doubts) or str(status),
             hardware_id=self.sensor.name,
             values=[
                 self._new("diagnostic_msgs/msg/KeyValue", key=key, value=str(value))

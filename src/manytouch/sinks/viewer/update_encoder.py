@@ -13,12 +13,12 @@ The head of an update has these keys; numbers that are not known are null.
     contacts          of those that touch: the keys of `_contact`, and `row`: the numbers of every column of
                       contacts.csv, in the order of `recent_contacts.COLUMNS` (the message `recent` has it)
     comparison        null, or `name` and `contacts` of the truth or of a recording: the keys of `_contact`
-    image_quality     null, or `focus`, `level` and `clipped` (`health.ImageQuality`)
+    image_quality     null, or `focus`, `level` and `clipped` (`image_quality.ImageQuality`)
     pretension        null, or the estimated one (`sensor_description.estimated_pretension`)
-    residual_mm       median depth while nothing touches (`health.residual_mm`)
+    residual_mm       median depth while nothing touches (`image_quality.residual_mm`)
     layers            that can be requested
-    latency_ms        from the arrival of the frame until now; null for files
-    arrived_ns        of the frame, by the monotonic clock of this machine; null for files
+    latency_ms        from the arrival of the frame until now; null where it has no arrival time
+    arrived_ns        of the frame, by the monotonic clock of this machine; null where it has none
     parts             the parts that follow the head
 
 The parts are `depth` (rows, columns) and the requested layer, on the grid of `scene_info`; `markers` (m, 2)
@@ -38,7 +38,7 @@ from manytouch.sinks.contact_outlines import Polygon, outlines_px
 from manytouch.sinks.display_grid import DisplayGrid, grid_corners
 from manytouch.sinks.files.sensor_description import estimated_pretension, layout_of, rest_px
 from manytouch.sinks.viewer.derived import marker_support, total_load
-from manytouch.sinks.viewer.health import ImageQuality, residual_mm
+from manytouch.sinks.viewer.image_quality import ImageQuality, residual_mm
 from manytouch.sinks.viewer.recent_contacts import row_of
 from manytouch.sinks.viewer.update_format import number, pack
 from manytouch.values import (

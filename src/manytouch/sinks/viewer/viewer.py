@@ -180,6 +180,8 @@ class Viewer:
             name: number(value, 6) if isinstance(value, float) else value
             for name, value in asdict(replace(health, parameter_info={})).items()
         }
+        # the names of these messages are older than those of `Health`
+        numbers["source"], numbers["fps"] = numbers.pop("source_state"), numbers.pop("readings_per_s")
         latency = np.percentile(self._latency_ms, (50, 99)) if self._latency_ms else (np.nan, np.nan)
         return {
             "kind": "health",

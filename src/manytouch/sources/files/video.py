@@ -15,6 +15,10 @@ from manytouch.values.arrays import read_only
 
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv", ".ts")
 MOST_FRAMES = 1_000_000  # a larger number in a header is ignored
+FIRST_READS = 100  # in which a frame must be decoded: 3 s at 30 per second, by choice; a start may be damaged
+INEXACT_FRAMES, INEXACT_SHARE = 2, 0.01
+"""How many more frames than it has an intact AVI may announce, at least and as a share: a choice. Larger ones
+hide lost frames at the end of a file, smaller ones add frames without image to intact files."""
 MOST_FAILURES = 1_000  # failed reads in a row after which a file counts as ended
 LONGEST_PAUSE_NS = 60 * 10**9  # a larger step of the container's clock counts as its error
 
@@ -56,7 +60,7 @@ class VideoSource:
         clock = _Clock(fps=self.fps, follows_container=not self.is_rate_given)
         index = failures = all_failures = 0
         try:
-            while failures <= self._patience(index):
+            while failures <= self._failures_allowed(index):
                 if not capture.grab():
                     failures += 1
                     continue
@@ -80,7 +84,7 @@ class VideoSource:
     def _frame(self, index: int, timestamp_ns: int, image: object) -> Frame:
         return Frame(index=index, timestamp_ns=timestamp_ns, camera=self.name, image=image)  # type: ignore[arg-type]
 
-    def _patience(self, index: int) -> int:
+    def _failures_allowed(self, index: int) -> int:
         """How many reads in a row may fail: a decoder fails on every packet of a damaged stretch."""
         return 0 if self.frame_count is None else min(max(self.frame_count - index, 0), MOST_FAILURES)
 
@@ -141,7 +145,7 @@ def frames_lost(announced: int | None, delivered: int, failures: int, container:
     lost = max(announced - delivered, 0)
     if container.is_cut_short or failures:
         return lost
-    return lost if container.kind == "riff" and lost > max(2, 0.01 * announced) else 0
+    return lost if container.kind == "riff" and lost > max(INEXACT_FRAMES, INEXACT_SHARE * announced) else 0
 
 
 def video_source(path: Path, fps: float | None) -> VideoSource:
@@ -167,7 +171,9 @@ def video_source(path: Path, fps: float | None) -> VideoSource:
         mistake = size_mistake(*(int(side) if math.isfinite(side) else 0 for side in sides))
         if mistake is not None:
             raise SourceError(f"the frames of {str(path)!r} are too large: {mistake}.")
-        image = next((image for decoded, image in (capture.read() for _ in range(100)) if decoded), None)
+        image = next(
+            (image for decoded, image in (capture.read() for _ in range(FIRST_READS)) if decoded), None
+        )
         if image is None:
             raise error
         rate = capture.get(cv2.CAP_PROP_FPS)

@@ -14,6 +14,7 @@ from manytouch.estimation.mechanics.regions.outlines import polygon_area
 from manytouch.estimation.pad.estimator import PadEstimator, PadState
 from manytouch.estimation.pad.pad_contacts import PadContacts, large_strain, pad_shape
 from manytouch.estimation.pad.patch_fit import tractions
+from manytouch.estimation.pad.patch_forces import FORCE, RADIAL_SHEAR
 from manytouch.estimation.pad.patch_kernels import Profile
 from manytouch.estimation.pad.patches import Patches, near_groups
 from manytouch.values import Contacts, Phase, Sensor, Status, Surface, TrackedGrid
@@ -25,18 +26,18 @@ ONE = np.array([[1.3, -0.7, 0.9, 0.1, 0.8, 2.0, 0.3, -0.1, 0.2, 0.05]])
 
 def patches(contact: np.ndarray, profile: Profile = Profile.DOME) -> Patches:
     """Contacts (c, 10) with one profile."""
-    return Patches(own=contact, profile=np.full(len(contact), profile, dtype=np.int64))
+    return Patches(parameters=contact, profile=np.full(len(contact), profile, dtype=np.int64))
 
 
 def pressed_px(state: PadState, contact: np.ndarray, profile: Profile = Profile.DOME) -> np.ndarray:
     """(m, 2) marker images under contacts (c, 10), without the free sides' share of the curvature."""
     model = state.model
     image, moved_mm = np.zeros(2 * len(model.rest_px)), np.zeros((len(model.rest_px), 3))
-    for own in contact:
-        images = ESTIMATE.fitter.images(model, own[None, :5], profile)
-        load = np.array([*own[5:9], own[5] * own[9]])
+    for parameters in contact:
+        images = ESTIMATE.fitter.images(model, parameters[None, :5], profile)
+        load = np.array([*parameters[5:9], parameters[FORCE] * parameters[RADIAL_SHEAR]])
         image += load @ images.column[0]
-        nodal = model.by_node(tractions(model, patches(own[None], profile)))
+        nodal = model.by_node(tractions(model, patches(parameters[None], profile)))
         moved_mm += np.tensordot(nodal, model.marker, axes=2)
     curved_px = model.project(moved_mm) - model.rest_px - np.einsum("mij,mj->mi", model.slope_px, moved_mm)
     return model.rest_px + image.reshape(-1, 2) + curved_px
@@ -154,7 +155,7 @@ def test_interleaved_states_give_the_same_bits(pad_state: PadState) -> None:
     alone, _, one = steps(pad_state, position_px)
     steps(pad_state, pressed_px(pad_state, ONE * 1.1))
     again, _, two = steps(pad_state, position_px)
-    np.testing.assert_array_equal(alone.patches.own, again.patches.own)
+    np.testing.assert_array_equal(alone.patches.parameters, again.patches.parameters)
     np.testing.assert_array_equal(one.touching[0].covariance, two.touching[0].covariance)
 
 
@@ -270,7 +271,7 @@ def test_patches_keep_their_profiles_where_others_come_and_go() -> None:
     assert list(more.profile) == [Profile.RIM, Profile.FLAT, Profile.DOME]
     rest = more.without(0)
     assert list(rest.profile) == [Profile.FLAT, Profile.DOME]
-    np.testing.assert_array_equal(rest.own, np.vstack([2.0 * ONE, 3.0 * ONE]))
+    np.testing.assert_array_equal(rest.parameters, np.vstack([2.0 * ONE, 3.0 * ONE]))
 
 
 @pytest.mark.parametrize("profile", Profile)

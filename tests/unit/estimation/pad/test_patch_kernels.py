@@ -156,7 +156,8 @@ def test_a_wide_patch_presses_one_hollow(pad_state: PadState) -> None:
     model = pad_state.model
     wide = np.array([[0.5, -0.5, 3.6, 0.3, 3.2, 40.0, 0.0, 0.0, 0.0, -0.1]])
     face_mm = forced(
-        model.by_node(tractions(model, Patches(own=wide, profile=np.zeros(1, dtype=np.int64)))), model.face
+        model.by_node(tractions(model, Patches(parameters=wide, profile=np.zeros(1, dtype=np.int64)))),
+        model.face,
     )
     x_mm, y_mm = (np.linspace(-0.49, 0.49, 61) * size for size in model.patch.size_mm)
     place_mm = np.stack(np.meshgrid(x_mm, y_mm, indexing="ij"), axis=-1)

@@ -61,7 +61,7 @@ def test_a_fit_leaves_a_guess_from_which_long_steps_lead_nowhere(thin: tuple[Pad
     assert guess is not None
     patches = start.patches.with_more(guess[None], Profile.DOME)
     fit = ESTIMATE.fitter(start.model, patches, moved_px, weight, is_sheet_known=True, with_covariance=False)
-    assert np.abs(fit.patches.own[0] - guess).max() > 0.1
+    assert np.abs(fit.patches.parameters[0] - guess).max() > 0.1
 
 
 @pytest.mark.slow

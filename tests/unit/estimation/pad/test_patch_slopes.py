@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from manytouch.estimation.pad.estimator import PadEstimator, PadState
-from manytouch.estimation.pad.patch_forces import OWN, add_answers, fill_effects
+from manytouch.estimation.pad.patch_forces import (
+    FORCE,
+    PARAMETER_COUNT,
+    RADIAL_SHEAR,
+    add_answers,
+    fill_effects,
+)
 from manytouch.estimation.pad.patch_kernels import POINTS, Profile
 from manytouch.estimation.pad.patch_slopes import FAR, PatchPad, add_image, fill_slopes
 from manytouch.estimation.pad.patch_steps import prior_terms
@@ -20,10 +26,10 @@ def pad_of(state: PadState) -> PatchPad:
     return PatchPad(model.grid, model.table, model.markers, model.by_sides)
 
 
-def image_px(state: PadState, own: np.ndarray, profile: Profile) -> np.ndarray:
+def image_px(state: PadState, parameters: np.ndarray, profile: Profile) -> np.ndarray:
     """By the images of unit loads, with all points for every marker."""
-    load = np.array([*own[5:9], own[5] * own[9]])
-    return np.asarray(load @ unit_images_px(state, profile, *own[:5]))
+    load = np.array([*parameters[5:9], parameters[FORCE] * parameters[RADIAL_SHEAR]])
+    return np.asarray(load @ unit_images_px(state, profile, *parameters[:5]))
 
 
 @cache
@@ -50,12 +56,12 @@ def test_images_are_those_of_all_points(pad_state: PadState, profile: Profile) -
 
 @pytest.mark.parametrize("profile", Profile)
 def test_slopes_are_those_of_differences(pad_state: PadState, profile: Profile) -> None:
-    slope = np.empty((OWN, 2 * len(pad_state.model.rest_px)))
+    slope = np.empty((PARAMETER_COUNT, 2 * len(pad_state.model.rest_px)))
     fill_slopes(CONTACT, int(profile), pad_of(pad_state), slope)
     slope[5] += CONTACT[9] * slope[9]
     slope[9] *= CONTACT[5]
-    for parameter in range(OWN):
-        step = 1e-4 * np.eye(OWN)[parameter]
+    for parameter in range(PARAMETER_COUNT):
+        step = 1e-4 * np.eye(PARAMETER_COUNT)[parameter]
         above, below = (image_px(pad_state, CONTACT + sign * step, profile) for sign in (1.0, -1.0))
         expected = (above - below) / 2e-4
         np.testing.assert_allclose(slope[parameter], expected, atol=0.01 * np.abs(expected).max())
@@ -63,11 +69,11 @@ def test_slopes_are_those_of_differences(pad_state: PadState, profile: Profile) 
 
 def test_slopes_of_the_prior_are_those_of_differences(pad_state: PadState) -> None:
     numbers = FITTER.prior.numbers(pad_state.model)
-    value, slope = np.empty(9), np.empty((9, OWN))
+    value, slope = np.empty(9), np.empty((9, PARAMETER_COUNT))
     prior_terms(CONTACT, numbers, value, slope)
-    above, below, unused = np.empty(9), np.empty(9), np.empty((9, OWN))
-    for parameter in range(OWN):
-        step = 1e-6 * np.eye(OWN)[parameter]
+    above, below, unused = np.empty(9), np.empty(9), np.empty((9, PARAMETER_COUNT))
+    for parameter in range(PARAMETER_COUNT):
+        step = 1e-6 * np.eye(PARAMETER_COUNT)[parameter]
         prior_terms(CONTACT + step, numbers, above, unused)
         prior_terms(CONTACT - step, numbers, below, unused)
         np.testing.assert_allclose(slope[:, parameter], (above - below) / 2e-6, rtol=1e-5, atol=1e-6)
@@ -87,6 +93,6 @@ def test_effects_of_unit_weight_are_the_loads(pad_state: PadState) -> None:
     grid = pad_state.model.grid
     effect = np.zeros((grid.count_x + 3, grid.count_y + 3, 3))
     effect[:, :, 2] = 1.0
-    slope = np.empty(OWN)
-    fill_effects(CONTACT, int(Profile.DOME), np.full(OWN, 1e-3), grid, effect, slope)
-    np.testing.assert_allclose(slope, -np.eye(OWN)[5], atol=1e-9)
+    slope = np.empty(PARAMETER_COUNT)
+    fill_effects(CONTACT, int(Profile.DOME), np.full(PARAMETER_COUNT, 1e-3), grid, effect, slope)
+    np.testing.assert_allclose(slope, -np.eye(PARAMETER_COUNT)[FORCE], atol=1e-9)

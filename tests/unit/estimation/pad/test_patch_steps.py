@@ -6,7 +6,7 @@ from scipy.optimize import least_squares
 
 from manytouch.estimation.pad.estimator import PadEstimator, PadState
 from manytouch.estimation.pad.pad_model import MOTIONS
-from manytouch.estimation.pad.patch_forces import OWN
+from manytouch.estimation.pad.patch_forces import PARAMETER_COUNT
 from manytouch.estimation.pad.patch_kernels import Profile
 from manytouch.estimation.pad.patch_slopes import PatchPad, add_image
 from manytouch.estimation.pad.patch_steps import prior_terms
@@ -20,12 +20,14 @@ MOTION_STD = np.array([FITTER.shift_px, FITTER.shift_px, FITTER.growth, FITTER.t
 def residuals(theta: np.ndarray, state: PadState, measured_px: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """What parameters of a contact and of the motion of the image leave, whitened, and their priors."""
     model = state.model
-    own, motion = theta[:OWN], theta[OWN:]
+    parameters, motion = theta[:PARAMETER_COUNT], theta[PARAMETER_COUNT:]
     image = np.zeros(len(measured_px))
-    add_image(own, int(Profile.DOME), PatchPad(model.grid, model.table, model.markers, model.by_sides), image)
+    add_image(
+        parameters, int(Profile.DOME), PatchPad(model.grid, model.table, model.markers, model.by_sides), image
+    )
     image += motion @ model.motion
-    value, slope = np.empty(9), np.empty((9, OWN))
-    prior_terms(own, FITTER.prior.numbers(model), value, slope)
+    value, slope = np.empty(9), np.empty((9, PARAMETER_COUNT))
+    prior_terms(parameters, FITTER.prior.numbers(model), value, slope)
     return np.concatenate([np.sqrt(weight) * (measured_px - image), value, motion / MOTION_STD])
 
 
@@ -34,7 +36,7 @@ def test_the_fit_is_the_least_squares_of_scipy(pad_state: PadState, seed: int) -
     chance = np.random.default_rng(seed)
     model = pad_state.model
     measured_px = np.zeros(2 * len(model.rest_px))
-    true = TRUE * chance.uniform(0.8, 1.2, OWN)
+    true = TRUE * chance.uniform(0.8, 1.2, PARAMETER_COUNT)
     add_image(
         true, int(Profile.DOME), PatchPad(model.grid, model.table, model.markers, model.by_sides), measured_px
     )
@@ -44,12 +46,12 @@ def test_the_fit_is_the_least_squares_of_scipy(pad_state: PadState, seed: int) -
     start = TRUE.copy()
     found = FITTER(
         model,
-        Patches(own=start[None], profile=np.zeros(1, dtype=np.int64)),
+        Patches(parameters=start[None], profile=np.zeros(1, dtype=np.int64)),
         measured_px,
         weight,
         is_sheet_known=True,
     )
-    theta = np.concatenate([found.patches.own[0], found.motion])
+    theta = np.concatenate([found.patches.parameters[0], found.motion])
     left = residuals(theta, pad_state, measured_px, weight)
     assert found.misfit == pytest.approx(left @ left, rel=1e-9)
     is_seen = weight > 0.0
@@ -57,5 +59,5 @@ def test_the_fit_is_the_least_squares_of_scipy(pad_state: PadState, seed: int) -
     begin = np.concatenate([start, np.zeros(MOTIONS)])
     best = least_squares(residuals, begin, args=(pad_state, measured_px, weight), x_scale="jac")
     assert found.misfit == pytest.approx(2.0 * best.cost, rel=1e-4)
-    deviations = np.sqrt(np.diag(found.covariance))[: OWN + MOTIONS]
+    deviations = np.sqrt(np.diag(found.covariance))[: PARAMETER_COUNT + MOTIONS]
     assert (np.abs(theta - best.x) < 0.1 * deviations).all()

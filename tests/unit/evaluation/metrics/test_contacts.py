@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import ContactRows, EvaluatedRecording
 from manytouch.evaluation.metrics.contacts import contact_figures, contact_samples, force_figures
 from manytouch.evaluation.metrics.depth import depth_figures, depth_samples
-from manytouch.evaluation.records.record import ContactRows, EvaluationRecord
 
-Sheet = Callable[..., EvaluationRecord]
+Sheet = Callable[..., EvaluatedRecording]
 Table = Callable[..., ContactRows]
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.special import comb
 
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import ContactRows
 from manytouch.evaluation.metrics.contacts import contact_figures, contact_samples, region_figures
 from manytouch.evaluation.metrics.coverage import coverage_of, coverages
-from manytouch.evaluation.records.record import ContactRows
 
 Table = Callable[..., ContactRows]
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import ContactRows, EvaluatedRecording
 from manytouch.evaluation.metrics.depth import (
     depth_figures,
     depth_samples,
@@ -13,9 +14,8 @@ from manytouch.evaluation.metrics.depth import (
     error_map,
     relative_place,
 )
-from manytouch.evaluation.records.record import ContactRows, EvaluationRecord
 
-Sheet = Callable[..., EvaluationRecord]
+Sheet = Callable[..., EvaluatedRecording]
 Table = Callable[..., ContactRows]
 
 
@@ -25,7 +25,7 @@ def dent(*peaks: float) -> np.ndarray:
     return depth
 
 
-def pressed_sheet(sheet: Sheet, depth: np.ndarray, contacts: ContactRows) -> EvaluationRecord:
+def pressed_sheet(sheet: Sheet, depth: np.ndarray, contacts: ContactRows) -> EvaluatedRecording:
     return replace(sheet(frames=len(depth)), depth_mm=depth, contacts=contacts)
 
 

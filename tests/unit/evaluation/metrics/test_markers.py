@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import EvaluatedRecording
 from manytouch.evaluation.metrics.markers import dot_figures, dot_samples
-from manytouch.evaluation.records.record import EvaluationRecord
 
-Sheet = Callable[..., EvaluationRecord]
+Sheet = Callable[..., EvaluatedRecording]
 
 
 def test_a_perfect_tracker_scores_perfectly(sheet: Sheet) -> None:

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import ContactRows
 from manytouch.evaluation.metrics.matching import assigned, match_contacts, nearest_dots
-from manytouch.evaluation.records.record import ContactRows
 
 Table = Callable[..., ContactRows]
 

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import ContactRows
 from manytouch.evaluation.metrics.separation import separation_curve, separation_samples
-from manytouch.evaluation.records.record import ContactRows
 
 Table = Callable[..., ContactRows]
 

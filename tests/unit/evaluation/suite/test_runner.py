@@ -13,8 +13,8 @@ import pytest
 
 from hollows import bumps
 from manytouch.errors import LayoutError
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import EvaluationError
 from manytouch.evaluation.metrics.comparison import figures, pooled
-from manytouch.evaluation.records.record import EvaluationError
 from manytouch.evaluation.suite import runner
 from manytouch.evaluation.suite.cases import Case, SensorPerturbation, Touch
 from manytouch.evaluation.suite.recordings import SimulatedRecording, simulate_case

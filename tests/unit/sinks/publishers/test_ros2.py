@@ -190,7 +190,7 @@ def test_a_message_requests_a_tare_or_undoes_it(topic: str, kind: type[Command],
 def test_diagnostics_warn_of_frames_and_of_the_reference(
     source: str, status: Status, warning: str | None, expected: tuple[int, str], session
 ) -> None:
-    health = replace(session.health(), source=source, reference_warning=warning)
+    health = replace(session.health(), source_state=source, reference_warning=warning)
     sent = RosMessages(session.sensor).diagnostics(health, status, 0)
     (found,) = typestore().deserialize_cdr(sent.cdr, sent.type).status
     assert (found.level, found.message) == expected

@@ -10,10 +10,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from manytouch.evaluation.records.record import (
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import (
     ContactRows,
+    EvaluatedRecording,
     EvaluationError,
-    EvaluationRecord,
     contact_rows,
     display_name,
 )
@@ -35,7 +35,7 @@ REGIONS = {
 LATER = ("depth_std", "shear_x_std_N", "shear_y_std_N")  # may be absent from tables written by others
 
 
-def load_result(folder: Path) -> EvaluationRecord:
+def load_result(folder: Path) -> EvaluatedRecording:
     """What `manytouch process` wrote: contacts.csv, markers.parquet, frames.csv, summary.json.
 
     Raises:
@@ -45,7 +45,7 @@ def load_result(folder: Path) -> EvaluationRecord:
     return _load(folder, f"the result {folder}", method=str(summary.get("method") or "result"))
 
 
-def load_truth(folder: Path) -> EvaluationRecord:
+def load_truth(folder: Path) -> EvaluatedRecording:
     """What `manytouch simulate` wrote into truth/: contacts.csv and markers.parquet.
 
     Raises:
@@ -61,7 +61,7 @@ def details(folder: Path) -> dict[str, Any]:
     return {name: summary[name] for name in names if name in summary}
 
 
-def _load(folder: Path, what: str, *, method: str) -> EvaluationRecord:
+def _load(folder: Path, what: str, *, method: str) -> EvaluatedRecording:
     if not folder.is_dir():
         raise EvaluationError(f"{what} is not a folder; give one with contacts.csv and markers.parquet")
     table = _markers(folder / "markers.parquet", what)
@@ -88,7 +88,7 @@ def _load(folder: Path, what: str, *, method: str) -> EvaluationRecord:
     status = dict(zip(frames["frame"].tolist(), frames["status"].tolist(), strict=True))
     milliseconds = np.full(len(number), np.nan)
     milliseconds[np.searchsorted(number, frames["frame"])] = frames["milliseconds"]
-    return EvaluationRecord(
+    return EvaluatedRecording(
         name=display_name(folder),
         method=method,
         unit=unit,

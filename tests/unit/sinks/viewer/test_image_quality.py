@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from manytouch.sinks.viewer.health import BLACK_LEVEL, INTERVAL_S, WHITE_LEVEL, ImageQuality
+from manytouch.sinks.viewer.image_quality import BLACK_LEVEL, INTERVAL_S, WHITE_LEVEL, ImageQuality
 
 
 def noisy(seed: int, shape: tuple[int, ...] = (90, 131)) -> np.ndarray:
@@ -42,7 +42,7 @@ def test_focus_is_relative_to_the_sharpest_image() -> None:
 
 def test_the_quality_is_measured_in_intervals(monkeypatch: pytest.MonkeyPatch) -> None:
     now_s = 50.0
-    monkeypatch.setattr("manytouch.sinks.viewer.health.time.monotonic", lambda: now_s)
+    monkeypatch.setattr("manytouch.sinks.viewer.image_quality.time.monotonic", lambda: now_s)
     quality, dark, bright = ImageQuality(), np.zeros((90, 131), np.uint8), np.full((90, 131), 255, np.uint8)
     assert quality.latest(dark)["level"] == 0.0
     now_s += 0.5 * INTERVAL_S

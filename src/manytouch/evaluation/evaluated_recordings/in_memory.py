@@ -5,7 +5,12 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from manytouch.evaluation.records.record import ContactRows, EvaluationError, EvaluationRecord, contact_rows
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import (
+    ContactRows,
+    EvaluatedRecording,
+    EvaluationError,
+    contact_rows,
+)
 from manytouch.values import Contacts, Reading, Sensor, Surface, TrackedGrid, Truth
 from manytouch.values.arrays import read_only
 
@@ -24,11 +29,11 @@ class OneFrame(Protocol):
     def contacts(self) -> Contacts: ...
 
 
-def record_of_readings(
+def recording_of_readings(
     readings: Sequence[Reading], sensor: Sensor, *, name: str, method: str
-) -> EvaluationRecord:
-    """The record of a method's readings."""
-    return _record(
+) -> EvaluatedRecording:
+    """A recording as a method estimated it."""
+    return _recording(
         readings,
         sensor,
         name=name,
@@ -39,9 +44,9 @@ def record_of_readings(
     )
 
 
-def record_of_truths(truths: Sequence[Truth], sensor: Sensor, *, name: str) -> EvaluationRecord:
-    """What is true of some frames; the sensor is the true one."""
-    return _record(
+def recording_of_truths(truths: Sequence[Truth], sensor: Sensor, *, name: str) -> EvaluatedRecording:
+    """The ground truth of a recording; the sensor is the true one."""
+    return _recording(
         truths,
         sensor,
         name=name,
@@ -52,7 +57,7 @@ def record_of_truths(truths: Sequence[Truth], sensor: Sensor, *, name: str) -> E
     )
 
 
-def _record(
+def _recording(
     frames: Sequence[OneFrame],
     sensor: Sensor,
     *,
@@ -61,7 +66,7 @@ def _record(
     frame: np.ndarray,
     status: tuple[str, ...],
     milliseconds: np.ndarray,
-) -> EvaluationRecord:
+) -> EvaluatedRecording:
     if sensor.layout is None:
         raise EvaluationError(f"the sensor {sensor.name!r} has no markers; evaluate with one that has")
     if not frames:
@@ -69,7 +74,7 @@ def _record(
     deviation_px = [np.sqrt(np.einsum("mii->mi", one.grid.covariance_px2)) for one in frames]
     seen = np.stack([one.grid.is_seen for one in frames])
     centre_px = np.stack([one.grid.position_px for one in frames])
-    return EvaluationRecord(
+    return EvaluatedRecording(
         name=name,
         method=method,
         unit=sensor.length_unit,

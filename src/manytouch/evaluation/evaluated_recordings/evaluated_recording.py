@@ -1,4 +1,4 @@
-"""One recording as a method estimated it, or its ground truth: the same value for both."""
+"""One recording as a method estimated it, or its ground truth: the same value for both. NaN: not given."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,9 @@ class EvaluationError(ManytouchError):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ContactRows:
-    """The contacts that touch, of all frames, one row each; NaN is not given.
+    """The contacts that touch, of all frames, one row each. NaN: a value that the method does not give.
+
+    Fields named `_mm` and `_mm2` are in pitches if `EvaluatedRecording.unit` is "pitch".
 
     Attributes:
         frame: (n,) number of the frame, ascending.
@@ -25,11 +27,11 @@ class ContactRows:
         centre_mm, centre_std_mm: (n, 2) x, y of its force centroid in undeformed coordinates.
         depth_mm, depth_std_mm: (n,) largest depth within the contact.
         normal_force_N, normal_force_std_N: (n,) positive in compression.
-        shear_N, shear_std_N: (n, 2) along x and y.
-        torque_Nmm, torque_std_Nmm: (n,) about the normal of the sheet.
+        shear_N, shear_std_N: (n, 2) along x and y, of the object on the sheet.
+        torque_Nmm, torque_std_Nmm: (n,) about z, which points out of the sheet: positive from x towards y.
         area_mm2, area_std_mm2: (n,) of the region.
         half_axes_mm: (n, 2) of the uniform ellipse with its second moments, the major one first.
-        orientation_rad: (n,) of the major one.
+        orientation_rad: (n,) angle of the major axis from x towards y, in (-pi/2, pi/2].
     """
 
     frame: Counts
@@ -51,13 +53,15 @@ class ContactRows:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class EvaluationRecord:
-    """One recording, as a method estimated it or its truth: f frames, m markers. NaN is not given.
+class EvaluatedRecording:
+    """One recording, as a method estimated it or its truth: f frames, m markers.
+
+    Fields named `_mm` are in pitches if `unit` is "pitch". NaN: a value that the method does not give.
 
     Attributes:
         name: shown in messages and reports: of the folder, or of the case.
         method: which method it comes from; empty for a truth.
-        unit: of everything named _mm.
+        unit: of lengths, "mm" or "pitch".
         frame: (f,) numbers of its frames, ascending.
         status: of each frame.
         milliseconds: (f,) from the decoded frame to the finished reading.
@@ -93,9 +97,9 @@ def contact_rows(columns: dict[str, np.ndarray]) -> ContactRows:
     """Rows from the columns of contacts.csv without their units, in the order of their frames.
 
     Args:
-        columns: frame, id, x, y, depth, normal_force, shear_x, shear_y and their deviations named
-            x_std, ..., force_std, shear_x_std, shear_y_std; each (n,). Those of `REGION_COLUMNS`
-            may be absent.
+        columns: (n,) each: frame, id, x, y, depth, normal_force, shear_x, shear_y; their standard deviations
+            x_std, y_std, depth_std, force_std (of the normal force, named as in contacts.csv), shear_x_std,
+            shear_y_std; and those of `REGION_COLUMNS`, which may be absent.
     """
     order = np.lexsort((columns["id"], columns["frame"]))
     unknown = np.full(len(order), np.nan)

@@ -12,10 +12,10 @@ import pytest
 
 from layouts import lattice_layout
 from manytouch.evaluation.compare_folders import evaluate_folders
+from manytouch.evaluation.evaluated_recordings.evaluated_recording import EvaluationError
+from manytouch.evaluation.evaluated_recordings.folders import load_result, load_truth
+from manytouch.evaluation.evaluated_recordings.in_memory import recording_of_readings, recording_of_truths
 from manytouch.evaluation.metrics.comparison import compare, figures
-from manytouch.evaluation.records.folders import load_result, load_truth
-from manytouch.evaluation.records.in_memory import record_of_readings, record_of_truths
-from manytouch.evaluation.records.record import EvaluationError
 from manytouch.evaluation.report.report_data import plain
 from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable
 from manytouch.values import (
@@ -116,8 +116,8 @@ def test_folders_and_memory_give_the_same_figures(folders: tuple[Path, Path], se
     readings = [reading(sensor, index, wrong=0.1) for index in range(4)]
     truths = [as_truth(reading(sensor, index, wrong=0.0)) for index in range(4)]
     live = compare(
-        record_of_truths(truths, sensor, name="truth"),
-        record_of_readings(readings, sensor, name="press", method="perimeter"),
+        recording_of_truths(truths, sensor, name="truth"),
+        recording_of_readings(readings, sensor, name="press", method="perimeter"),
     )
     read = compare(load_truth(folders[1]), load_result(folders[0]))
     mine, theirs = figures(live), figures(read)
