@@ -109,14 +109,18 @@ def _is_inside(still: RestDots, known: RestDots) -> np.ndarray:
 
 
 def match_mutual_nearest(
-    first: np.ndarray, second: np.ndarray, gate_px: np.ndarray
+    first: np.ndarray | cKDTree, second: np.ndarray | cKDTree, gate_px: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of points (n, 2) and (k, 2) that are mutual nearest neighbours, within gates (n,)."""
-    if len(first) == 0 or len(second) == 0:
+    """Indices of points (n, 2) and (k, 2) that are mutual nearest neighbours, within gates (n,).
+
+    A tree of the points can be given instead of them, for points that are matched more than once.
+    """
+    first, second = (each if isinstance(each, cKDTree) else cKDTree(each) for each in (first, second))
+    if first.n == 0 or second.n == 0:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    distance, forth = cKDTree(second).query(first)
-    _, back = cKDTree(first).query(second)
-    mutual = (back[forth] == np.arange(len(first))) & (distance < gate_px)
+    distance, forth = second.query(first.data)
+    _, back = first.query(second.data)
+    mutual = (back[forth] == np.arange(first.n)) & (distance < gate_px)
     return np.flatnonzero(mutual), forth[mutual]
 
 
@@ -124,10 +128,14 @@ def _agreement_of_frames(centres: list[np.ndarray]) -> np.ndarray:
     """(f, f) whether two frames show the same dots at the same positions."""
     number = len(centres)
     agrees = np.eye(number, dtype=bool)
-    spacing = [local_spacing(each) if len(each) > 1 else np.array([np.inf]) for each in centres]
+    tree = [cKDTree(each) for each in centres]
+    spacing = [
+        local_spacing(each, tree[k]) if len(each) > 1 else np.array([np.inf])
+        for k, each in enumerate(centres)
+    ]
     for a in range(number):
         for b in range(a + 1, number):
-            first, second = match_mutual_nearest(centres[a], centres[b], _GATE_SPACINGS * spacing[a])
+            first, second = match_mutual_nearest(tree[a], tree[b], _GATE_SPACINGS * spacing[a])
             if len(first) < 0.6 * min(len(centres[a]), len(centres[b])):
                 continue
             usual = float(np.median(spacing[a])) if np.isfinite(spacing[a]).all() else 10.0

@@ -88,15 +88,13 @@ def _seeds(points: Points2, tree: cKDTree, spacing: np.ndarray) -> list[tuple[in
     length = distance[:, 1:]
     asymmetry = np.linalg.norm(vector[:, :, None] + vector[:, None, :], axis=-1)
     mean = 0.5 * (length[:, :, None] + length[:, None, :])
-    found = []
-    for dot in range(len(points)):
-        first, second = np.nonzero(np.triu(asymmetry[dot] < 0.4 * mean[dot], 1))
-        half = 0.5 * (vector[dot, first] - vector[dot, second])
-        size = np.linalg.norm(half, axis=1)
-        skew = asymmetry[dot, first, second] / np.maximum(size, 1e-9)
-        chosen = _basis(half, size, skew)
-        if chosen is not None:
-            found.append((chosen[0], dot, chosen[1]))
+    first, second = np.triu_indices(near - 1, 1)
+    half = 0.5 * (vector[:, first] - vector[:, second])
+    size = np.linalg.norm(half, axis=2)
+    skew = asymmetry[:, first, second] / np.maximum(size, 1e-9)
+    is_pair = asymmetry[:, first, second] < 0.4 * mean[:, first, second]
+    seed, seed_skew, basis = _bases(half, size, skew, is_pair)
+    found = list(zip(seed_skew.tolist(), seed.tolist(), basis, strict=True))
     found.sort(key=lambda item: (round(item[0], 6), item[1]))
     centre = np.median(points, axis=0)
     reach = np.linalg.norm(points - centre, axis=1)
@@ -107,29 +105,41 @@ def _seeds(points: Points2, tree: cKDTree, spacing: np.ndarray) -> list[tuple[in
     return middle + rest or _corner_seeds(vector, spacing)
 
 
-def _basis(half: np.ndarray, size: np.ndarray, skew: np.ndarray) -> tuple[float, np.ndarray] | None:
-    """The two shortest directions that are not along each other, and how far from symmetric they are."""
-    if len(half) < 2:
-        return None
-    order = np.argsort(size, kind="stable")
-    first = order[0]
-    cross = half[first, 0] * half[order, 1] - half[first, 1] * half[order, 0]
-    apart = np.abs(cross) > 0.4 * size[first] * size[order]
-    if not apart.any():
-        return None
-    second = order[np.argmax(apart)]
-    return float(skew[first] + skew[second]), half[[first, second]]
+def _bases(
+    half: np.ndarray, size: np.ndarray, skew: np.ndarray, is_chosen: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The two shortest directions of each dot that are not along each other.
+
+    Args:
+        half: (n, k, 2) directions of the dots, px.
+        size: (n, k) their lengths.
+        skew: (n, k) how far from symmetric they are.
+        is_chosen: (n, k) the directions among which two are chosen.
+
+    Returns:
+        (s,) the dots that have two; (s,) sum of the skews of the two; (s, 2, 2) the two.
+    """
+    if half.shape[1] == 0:
+        return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 2, 2))
+    dot = np.arange(len(half))
+    order = np.argsort(np.where(is_chosen, size, np.inf), axis=1, kind="stable")
+    first = order[:, 0]
+    x, y = np.take_along_axis(half, order[:, :, None], axis=1).transpose(2, 0, 1)
+    cross = half[dot, first, 0][:, None] * y - half[dot, first, 1][:, None] * x
+    length = np.take_along_axis(size, order, axis=1)
+    apart = np.abs(cross) > 0.4 * size[dot, first][:, None] * length
+    apart &= np.take_along_axis(is_chosen, order, axis=1)
+    seed = np.flatnonzero(apart.any(axis=1))
+    first, second = first[seed], order[seed, np.argmax(apart[seed], axis=1)]
+    return seed, skew[seed, first] + skew[seed, second], half[seed[:, None], np.column_stack([first, second])]
 
 
 def _corner_seeds(vector: np.ndarray, spacing: np.ndarray) -> list[tuple[int, np.ndarray]]:
     """Seeds of a pattern too small to have a dot between others: its corners (2 x n dots)."""
-    found = []
-    for dot in range(len(vector)):
-        size = np.linalg.norm(vector[dot], axis=1)
-        chosen = _basis(vector[dot], size, np.zeros(len(size)))
-        if chosen is not None and size.min() < 1.5 * spacing[dot]:
-            found.append((dot, chosen[1]))
-    return found[:_SEEDS]
+    size = np.linalg.norm(vector, axis=2)
+    seed, _, basis = _bases(vector, size, np.zeros_like(size), np.ones_like(size, dtype=np.bool_))
+    is_near = size[seed].min(axis=1, initial=np.inf) < 1.5 * spacing[seed]
+    return list(zip(seed[is_near].tolist(), basis[is_near], strict=True))[:_SEEDS]
 
 
 def _grow_from(
@@ -185,10 +195,11 @@ def predict_positions(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     predictions += [at(r, 0) + at(0, c) - at(r, c) for r in (-1, 1) for c in (-1, 1)]
     stack = np.stack(predictions)
     support = np.isfinite(stack[..., 0]).sum(axis=0)
-    result = np.full(position.shape, np.nan)
-    known = support > 0
-    result[known] = np.nanmedian(stack[:, known], axis=0)
-    return result, support
+    # The empty places are NaN, which are sorted to the end; without any value the median is one of them.
+    stack.sort(axis=0)
+    row, column = np.indices(support.shape)
+    low, high = np.maximum(support - 1, 0) // 2, support // 2
+    return (stack[low, row, column] + stack[high, row, column]) / 2.0, support
 
 
 def _positions(grid: np.ndarray, points: Points2) -> np.ndarray:

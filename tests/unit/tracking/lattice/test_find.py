@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from manytouch.tracking.lattice.find import find_lattice
+from manytouch.tracking.lattice.find import find_lattice, predict_positions
 
 
 def lattice_px(rows=7, columns=11, pitch=(40.0, 31.0)):
@@ -91,3 +91,25 @@ def test_rings_are_closed():
 
 def test_too_few_dots_are_not_a_lattice():
     assert find_lattice(np.array([[0.0, 0.0], [5.0, 1.0], [2.0, 8.0]])) is None
+
+
+@pytest.mark.parametrize("share_empty", [0.0, 0.3, 0.8, 1.0])
+def test_predicted_positions_are_medians_over_what_the_neighbours_predict(share_empty: float) -> None:
+    random = np.random.default_rng(4)
+    position = random.normal(size=(7, 5, 2))
+    position[random.random((7, 5)) < share_empty] = np.nan
+
+    found, support = predict_positions(position)
+
+    wide = np.pad(position, ((2, 2), (2, 2), (0, 0)), constant_values=np.nan)
+    for row, column in np.ndindex(7, 5):
+        here = wide[row : row + 5, column : column + 5]
+        along = [
+            2.0 * here[2 + r, 2 + c] - here[2 + 2 * r, 2 + 2 * c]
+            for r, c in ((0, 1), (0, -1), (1, 0), (-1, 0))
+        ]
+        corner = [here[2 + r, 2] + here[2, 2 + c] - here[2 + r, 2 + c] for r in (-1, 1) for c in (-1, 1)]
+        known = [each for each in along + corner if np.isfinite(each[0])]
+        assert support[row, column] == len(known)
+        expected = np.median(known, axis=0) if known else np.full(2, np.nan)
+        assert np.array_equal(found[row, column], expected, equal_nan=True)
