@@ -38,7 +38,7 @@ def run(*words: object) -> str:
 
 def test_demo_prints_contacts_with_ground_truth_and_writes_tables_and_a_picture(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    done = run_command("demo", "--seconds", "1.6", "--no-view", folder=tmp_path)
+    done = run_command("demo", "--seconds", "1.4", "--no-view", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     output = done.stdout
     folder = tmp_path / "out" / "demo"
@@ -46,7 +46,7 @@ def test_demo_prints_contacts_with_ground_truth_and_writes_tables_and_a_picture(
     assert "truth" in output
     assert str(Path("out") / "demo") in output
     frames = rows_of(folder / "frames.csv")
-    assert float(frames[-1]["time_s"]) == pytest.approx(1.6, abs=0.1)
+    assert float(frames[-1]["time_s"]) == pytest.approx(1.4, abs=0.1)
     assert max(int(row["contacts"]) for row in frames) >= 1
     wanted = {
         "contacts.csv",

@@ -2,10 +2,13 @@
 
 import json
 import runpy
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+import manytouch
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -16,7 +19,11 @@ def example(name: str) -> dict[str, object]:
     return runpy.run_path(str(EXAMPLES / f"{name}.py"))
 
 
-def test_read_the_simulated_sensor(capsys: pytest.CaptureFixture[str]) -> None:
+def test_read_the_simulated_sensor(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With fewer frames than the example has."""
+    monkeypatch.setattr(manytouch, "open_source", partial(manytouch.open_source, fps=10.0))
     error_mm = example("read_the_simulated_sensor")["main"]()
     assert error_mm < 1.0
     assert "truth" in capsys.readouterr().out

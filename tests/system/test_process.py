@@ -303,11 +303,15 @@ def small_disk(tmp_path: Path, paper_results: Path) -> Iterator[Path]:
     ("option", "free_bytes"),
     [
         ("--fps=25", 8_192),
-        ("--annotate", 8_192),
         ("--surface", 40_000),
         *(
-            pytest.param(*case, marks=pytest.mark.slow)
-            for case in (("--fps=25", 40_000), ("--annotate", 40_000), ("--surface", 8_192))
+            pytest.param(option, free_bytes, marks=pytest.mark.slow)
+            for option, free_bytes in (
+                ("--annotate", 8_192),
+                ("--fps=25", 40_000),
+                ("--annotate", 40_000),
+                ("--surface", 8_192),
+            )
         ),
     ],
 )

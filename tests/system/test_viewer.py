@@ -31,7 +31,7 @@ AT_MM = (-20.0, 10.0)
 SCENE = """schema = 1
 name = "rest"
 seconds = 5.0
-fps = 15.0
+fps = 8.0
 sensor = "sensor.toml"
 mechanics = "shell"
 """

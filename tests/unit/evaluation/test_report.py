@@ -196,8 +196,9 @@ def test_json_survives_its_round_trip_and_agrees_with_the_page(
 
 
 def test_a_single_recording_makes_a_page_too(evaluation: Evaluation) -> None:
-    trial = replace(evaluation.trials[0], case=None)
-    single = replace(evaluation, trials=(trial,), seconds=float("nan"), left_out={})
+    (method, *_), (trial, *_) = evaluation.methods, evaluation.trials
+    trial = replace(trial, case=None, comparisons=trial.comparisons[:1])
+    single = replace(evaluation, methods=(method,), trials=(trial,), seconds=float("nan"), left_out={})
     page = report.rendered(single, contents(single))
     outline(page)
     assert "1 recording" in page
