@@ -25,6 +25,7 @@ from manytouch.sinks.viewer import Viewer
 from manytouch.sources.pressed import PressedSource
 from manytouch.values import Comparison, Pause, Reading
 from manytouch.values.sensor_file import save_sensor
+from part_of_sheet import part_of_sheet
 from viewer_session import FakeSession, reading_of
 
 AT_MM = (-20.0, 10.0)
@@ -77,7 +78,7 @@ class ServedSession:
 def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedSession]:
     """The simulated sensor, at rest until it is pressed; small and slow, as the browser draws in software."""
     folder = tmp_path_factory.mktemp("recordings")
-    save_sensor(demo_sensor(640), folder / "sensor.toml")
+    save_sensor(part_of_sheet(demo_sensor(640), (72.0, 48.0)), folder / "sensor.toml")
     (folder / "rest.toml").write_text(SCENE, encoding="utf-8")
     job = prepare(PressedSource(str(folder / "rest.toml")), method="perimeter")
     running = ServedSession(Live(job, recordings=folder), folder)
@@ -331,7 +332,7 @@ def test_layout_and_theme_suit_the_screen(
         assert box["width"] > 0.4 * width
         x, y, box_width, box_height = (int(box[name]) for name in ("x", "y", "width", "height"))
         scene = image[y : y + box_height, x : x + box_width]
-        assert len(np.unique(scene.reshape(-1, 3), axis=0)) > 100
+        assert len(np.unique(scene @ np.array([1, 256, 65536]))) > 100  # colours
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth + 1")
 
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from clips import COLUMNS, ROWS, picture
@@ -32,6 +31,7 @@ from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sources import open_source
 from manytouch.sources.simulated import SimulatedSource, simulated_source
 from manytouch.values import Command, Pause, Press, Reading, Resume, Roi, Sensor, Tune, UseMethod
+from part_of_sheet import part_of_sheet
 from results import rows_of
 from straight import straight_camera
 from waiting import wait_until
@@ -289,19 +289,7 @@ def test_kernels_are_known_by_name() -> None:
 def small_source() -> SimulatedSource:
     """The simulated sensor at rest, with the markers of a small part of its sheet."""
     source = simulated_source("rest", width_px=160)
-    layout, sheet = source.sensor.layout, source.sensor.sheet
-    assert layout is not None
-    assert sheet is not None
-    size_mm = np.array([32.0, 24.0])
-    near = (np.abs(layout.rest_mm[:, :2]) < size_mm / 2).all(axis=1)
-    few = replace(
-        layout,
-        rest_mm=layout.rest_mm[near],
-        row_column=None,
-        radius_mm=layout.radius_mm[near],
-        is_missing=layout.is_missing[near],
-    )
-    sensor = replace(source.sensor, layout=few, sheet=replace(sheet, size_mm=size_mm))
+    sensor = part_of_sheet(source.sensor, (32.0, 24.0))
     return replace(source, simulator=replace(source.simulator, sensor=sensor, faults=None))
 
 
