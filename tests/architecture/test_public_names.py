@@ -59,7 +59,7 @@ def test_an_unknown_name_raises_attribute_error() -> None:
 def test_values_print_in_one_line() -> None:
     from manytouch.sources.simulated import simulated_source
 
-    source = simulated_source().lasting(0.1)
+    source = simulated_source(width_px=640).lasting(0.1)
     job = manytouch.prepare(source, method="mechanics")
     reading = next(job.readings())
     truth = source.truth(0)

@@ -48,6 +48,10 @@ def trees() -> dict[str, ast.Module]:
     }
 
 
+def test_a_module_has_a_docstring() -> None:
+    assert not [module for module, tree in trees().items() if not ast.get_docstring(tree)]
+
+
 def test_a_public_class_name_exists_once() -> None:
     found: defaultdict[str, list[str]] = defaultdict(list)
     for module, tree in trees().items():

@@ -6,10 +6,19 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from measured_once import layouts_measured_once
+
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 RECORDINGS = Path(__file__).parents[3] / "shared" / "data"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def layouts() -> Iterator[None]:
+    """Runs of the program in this process measure each layout once; the first of them does."""
+    with layouts_measured_once():
+        yield
 
 
 @pytest.fixture(scope="session")

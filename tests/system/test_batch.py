@@ -5,8 +5,10 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
+from batch_work import Serial
 from clips import picture, write_video
 from command_line import run_command
+from manytouch.batch.engines import local_processes
 
 
 @pytest.fixture
@@ -17,7 +19,12 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_batch_prints_what_it_does_and_why(folder: Path) -> None:
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Recordings are processed one after the other, without a process for them."""
+    monkeypatch.setattr(local_processes, "LocalProcesses", lambda **_: Serial())
+
+
+def test_a_batch_prints_what_it_does_and_why(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     done = run_command("batch", "*.mp4", "--out", "out", "--workers", "1", folder=folder)
     assert done.returncode == 1
     assert "a: 18 frames in " in done.stdout
@@ -28,6 +35,7 @@ def test_a_batch_prints_what_it_does_and_why(folder: Path) -> None:
     assert line.startswith("manytouch: 1 of 3 recordings failed, c: 'c.mp4' cannot be decoded")
     assert "out/failures.csv" in line
     (folder / "c.mp4").unlink()
+    in_this_process(monkeypatch)
     words = ("batch", "a.mp4", "b.mp4", "--out", "out", "--workers", "1")
     again = run_command(*words, folder=folder)
     assert (again.returncode, again.stderr) == (0, "")
@@ -39,7 +47,10 @@ def test_a_batch_prints_what_it_does_and_why(folder: Path) -> None:
     assert "2 of 2 recordings would be processed" in plan.stdout
 
 
-def test_a_shard_that_fails_names_the_first_reason_and_its_own_table(tmp_path: Path) -> None:
+def test_a_shard_that_fails_names_the_first_reason_and_its_own_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    in_this_process(monkeypatch)
     for name in ("a", "b", "c"):
         (tmp_path / f"{name}.mp4").write_bytes(b"no video" * 50)
     done = run_command("batch", ".", "--out", "out/", "--workers", "1", "--shard", "0/2", folder=tmp_path)

@@ -16,7 +16,10 @@ import pytest
 
 from clips import pressed_video
 from command_line import run_command
+from manytouch.simulation.demo_sensor import demo_sensor
+from manytouch.values.sensor_file import save_sensor
 from osc_receiver import Receiver
+from part_of_sheet import part_of_sheet
 from results import rows_of
 from waiting import wait_until
 
@@ -36,9 +39,33 @@ def run(*words: object) -> str:
     return done.stdout
 
 
-def test_demo_prints_contacts_with_ground_truth_and_writes_tables_and_a_picture(tmp_path: Path) -> None:
+SMALL = """schema = 1
+name = "small"
+seconds = 2.0
+fps = 20.0
+sensor = "sensor.toml"
+mechanics = "shell"
+[[bodies]]
+shape = { kind = "sphere", radius_mm = 6.0 }
+motions = [{ kind = "press", at_mm = [8.0, -5.0], depth_mm = 2.5, start_s = 0.4, end_s = 2.0, ramp_s = 0.4 }]
+"""
+
+
+def small_scene(folder: Path) -> Path:
+    """A scene on a part of the simulated sheet, in small pictures."""
+    save_sensor(part_of_sheet(demo_sensor(640), (64.0, 44.0)), folder / "sensor.toml")
+    scene = folder / "small.toml"
+    scene.write_text(SMALL, encoding="utf-8")
+    return scene
+
+
+@pytest.mark.parametrize("is_small", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_demo_prints_contacts_with_ground_truth_and_writes_tables_and_a_picture(
+    tmp_path: Path, is_small: bool
+) -> None:
     pytest.importorskip("matplotlib")
-    done = run_command("demo", "--seconds", "1.6", "--no-view", folder=tmp_path)
+    words = ("--scene", small_scene(tmp_path)) if is_small else ()
+    done = run_command("demo", "--seconds", "1.4", "--no-view", *words, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     output = done.stdout
     folder = tmp_path / "out" / "demo"
@@ -46,7 +73,7 @@ def test_demo_prints_contacts_with_ground_truth_and_writes_tables_and_a_picture(
     assert "truth" in output
     assert str(Path("out") / "demo") in output
     frames = rows_of(folder / "frames.csv")
-    assert float(frames[-1]["time_s"]) == pytest.approx(1.6, abs=0.1)
+    assert float(frames[-1]["time_s"]) == pytest.approx(1.4, abs=0.1)
     assert max(int(row["contacts"]) for row in frames) >= 1
     wanted = {
         "contacts.csv",

@@ -2,10 +2,14 @@
 
 import json
 import runpy
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+import manytouch
+from manytouch.sources.simulated import simulated_source
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -16,7 +20,11 @@ def example(name: str) -> dict[str, object]:
     return runpy.run_path(str(EXAMPLES / f"{name}.py"))
 
 
-def test_read_the_simulated_sensor(capsys: pytest.CaptureFixture[str]) -> None:
+def test_read_the_simulated_sensor(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With fewer frames than the example has."""
+    monkeypatch.setattr(manytouch, "open_source", partial(manytouch.open_source, fps=10.0))
     error_mm = example("read_the_simulated_sensor")["main"]()
     assert error_mm < 1.0
     assert "truth" in capsys.readouterr().out
@@ -74,13 +82,19 @@ GALLERY = {  # what each example returns, from and to
     "soft_object": (1.4, 2.2),  # ratio of the radii
     "two_fingers": (0.0, 0.3),  # mm
 }
-QUICK = {"calibrate"}
+QUICK = "calibrate"  # of the simulated sensor with a quarter of its pixels
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow]) for name in GALLERY]
+    ("name", "is_small"),
+    [(QUICK, True), *(pytest.param(name, False, marks=pytest.mark.slow) for name in GALLERY)],
 )
-def test_an_example_of_the_gallery_draws_its_picture_and_is_right(name: str, tmp_path: Path) -> None:
+def test_an_example_of_the_gallery_draws_its_picture_and_is_right(
+    name: str, is_small: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if is_small:
+        small = simulated_source("one", width_px=1280)
+        monkeypatch.setattr(manytouch, "open_source", {"sim:one": small}.__getitem__)
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pyplot.switch_backend("Agg")
     picture = tmp_path / f"{name}.png"

@@ -156,13 +156,15 @@ def test_depth_map_has_coordinates_and_units(results: tuple[Path, str]) -> None:
     assert list(group["frame"][:]) == list(range(60))
 
 
-def test_millimetres_on_request_and_names_that_do_not_collide(tmp_path: Path, video: Path) -> None:
-    other = tmp_path / "other"
+def test_millimetres_on_request_and_names_that_do_not_collide(tmp_path: Path) -> None:
+    first, other = tmp_path / "first" / "press.mp4", tmp_path / "other"
+    first.parent.mkdir()
     other.mkdir()
-    write_video(other / "press.avi", (picture(seed=index) for index in range(20)))
-    run("process", video, other / "press.avi", "--out", tmp_path / "out", "--pitch-mm", "4,4.25")
+    write_video(first, (picture(press_of(index), seed=index) for index in range(24)))
+    write_video(other / "press.avi", (picture(seed=index) for index in range(16)))
+    run("process", first, other / "press.avi", "--out", tmp_path / "out", "--pitch-mm", "4,4.25")
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"press", "press-2"}
-    for name, frames in (("press", 60), ("press-2", 20)):
+    for name, frames in (("press", 24), ("press-2", 16)):
         assert columns_of(tmp_path / "out" / name / "contacts.csv") == CONTACT_COLUMNS.format("mm")
         assert len(rows_of(tmp_path / "out" / name / "frames.csv")) == frames
 
@@ -303,11 +305,15 @@ def small_disk(tmp_path: Path, paper_results: Path) -> Iterator[Path]:
     ("option", "free_bytes"),
     [
         ("--fps=25", 8_192),
-        ("--annotate", 8_192),
         ("--surface", 40_000),
         *(
-            pytest.param(*case, marks=pytest.mark.slow)
-            for case in (("--fps=25", 40_000), ("--annotate", 40_000), ("--surface", 8_192))
+            pytest.param(option, free_bytes, marks=pytest.mark.slow)
+            for option, free_bytes in (
+                ("--annotate", 8_192),
+                ("--fps=25", 40_000),
+                ("--annotate", 40_000),
+                ("--surface", 8_192),
+            )
         ),
     ],
 )

@@ -15,7 +15,8 @@ from manytouch.values import Frame, Roi, Sensor
 from straight import straight_camera
 
 SETS = ("worachit", "worachit_unmoved", "gsrobotics", "vts4_left", "vts4_right")
-PICTURES = ("fots_0.png", "fots_1.png", "gs_tracking_debug.png", "simtacls_up.jpg", "simtacls_bot.jpg")
+PICTURES = ("fots_1.png", "gs_tracking_debug.png", "simtacls_bot.jpg")
+OTHER_PICTURES = ("fots_0.png", "simtacls_up.jpg")
 
 
 def rows_by(path: Path, key: str) -> dict[str, dict[str, str]]:
@@ -55,7 +56,9 @@ def test_first_frame_of_a_recording(recordings: Path, name: str) -> None:
     assert int(row["markers_min"]) <= len(found.detections.centre_px) <= int(row["markers_max"])
 
 
-@pytest.mark.parametrize("name", PICTURES)
+@pytest.mark.parametrize(
+    "name", [*PICTURES, *(pytest.param(name, marks=pytest.mark.slow) for name in OTHER_PICTURES)]
+)
 def test_single_picture(recordings: Path, name: str) -> None:
     row = rows_by(recordings / "single" / "counts.csv", "file")[name]
     image = cv2.imread(str(recordings / "single" / name))

@@ -23,15 +23,16 @@ from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sinks.viewer import Viewer
 from manytouch.sources.pressed import PressedSource
-from manytouch.values import Comparison, Pause, Reading
+from manytouch.values import Comparison, Pause, Reading, Sensor
 from manytouch.values.sensor_file import save_sensor
+from part_of_sheet import part_of_sheet
 from viewer_session import FakeSession, reading_of
 
 AT_MM = (-20.0, 10.0)
 SCENE = """schema = 1
 name = "rest"
 seconds = 5.0
-fps = 15.0
+fps = {fps}
 sensor = "sensor.toml"
 mechanics = "shell"
 """
@@ -73,16 +74,27 @@ class ServedSession:
         assert not self._thread.is_alive()
 
 
-@pytest.fixture(scope="module")
-def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedSession]:
+def served(folder: Path, sensor: Sensor, fps: float) -> Iterator[ServedSession]:
     """The simulated sensor, at rest until it is pressed; small and slow, as the browser draws in software."""
-    folder = tmp_path_factory.mktemp("recordings")
-    save_sensor(demo_sensor(640), folder / "sensor.toml")
-    (folder / "rest.toml").write_text(SCENE, encoding="utf-8")
+    save_sensor(sensor, folder / "sensor.toml")
+    (folder / "rest.toml").write_text(SCENE.format(fps=fps), encoding="utf-8")
     job = prepare(PressedSource(str(folder / "rest.toml")), method="perimeter")
     running = ServedSession(Live(job, recordings=folder), folder)
     yield running
     running.end()
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedSession]:
+    """With a part of the sheet."""
+    sensor = part_of_sheet(demo_sensor(640), (72.0, 48.0))
+    yield from served(tmp_path_factory.mktemp("recordings"), sensor, fps=8.0)
+
+
+@pytest.fixture(scope="module")
+def whole_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedSession]:
+    """With the whole sheet."""
+    yield from served(tmp_path_factory.mktemp("recordings"), demo_sensor(640), fps=15.0)
 
 
 @pytest.fixture
@@ -178,8 +190,8 @@ def compare_with_estimate(page: Page, session: ServedSession) -> dict[str, Any]:
 
 
 @pytest.mark.slow
-def test_pause_tare_method_and_units(session: ServedSession, opened: Callable[..., Page]) -> None:
-    page = opened(session.viewer.url)
+def test_pause_tare_method_and_units(whole_session: ServedSession, opened: Callable[..., Page]) -> None:
+    page = opened(whole_session.viewer.url)
     page.click("#run")
     wait(page, "!manytouch.state.health.is_running")
     page.wait_for_timeout(300)
@@ -244,9 +256,9 @@ def lift_after_tare(page: Page) -> None:
 
 @pytest.mark.slow
 def test_record_and_replay_with_a_timeline(
-    session: ServedSession, opened: Callable[..., Page], tmp_path: Path
+    whole_session: ServedSession, opened: Callable[..., Page], tmp_path: Path
 ) -> None:
-    page = opened(session.viewer.url)
+    page = opened(whole_session.viewer.url)
     page.click("#record")
     wait(page, "manytouch.state.health.recording")
     name = page.evaluate("manytouch.state.health.recording")
@@ -256,7 +268,7 @@ def test_record_and_replay_with_a_timeline(
     lift(page)
     page.click("#record")
     wait(page, "!manytouch.state.health.recording")
-    playback = Playback(session.recordings / name, stays=True)
+    playback = Playback(whole_session.recordings / name, stays=True)
     playback.send(Pause())  # before it has reached its end
     replay = ServedSession(playback)
     again = opened(replay.viewer.url, minimum_updates=1)
@@ -331,7 +343,7 @@ def test_layout_and_theme_suit_the_screen(
         assert box["width"] > 0.4 * width
         x, y, box_width, box_height = (int(box[name]) for name in ("x", "y", "width", "height"))
         scene = image[y : y + box_height, x : x + box_width]
-        assert len(np.unique(scene.reshape(-1, 3), axis=0)) > 100
+        assert len(np.unique(scene @ np.array([1, 256, 65536]))) > 100  # colours
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth + 1")
 
 

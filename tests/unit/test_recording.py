@@ -42,8 +42,15 @@ from manytouch.values import (
     StopRecording,
     UseMethod,
 )
+from measured_once import layouts_measured_once
 
 pytest.importorskip("mcap")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def layouts() -> Iterator[None]:
+    with layouts_measured_once():
+        yield
 
 
 @dataclass

@@ -1,7 +1,7 @@
 """Short recordings, and a batch of them in this process."""
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,15 @@ from manytouch.batch.inputs import tasks_of
 from manytouch.batch.run_batch import BatchReport, run_batch
 from manytouch.batch.settings import settings_for
 from manytouch.session import Request
+from measured_once import layouts_measured_once
 
 FRAMES, FEW = 18, (4, 6)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def layouts() -> Iterator[None]:
+    with layouts_measured_once():
+        yield
 
 
 @pytest.fixture(scope="session")

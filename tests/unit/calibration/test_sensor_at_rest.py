@@ -92,8 +92,15 @@ def held_for_long(index: int) -> float:
     return 9.0 if index < 100 else 0.0
 
 
-@pytest.mark.parametrize("press_of", [held_at_first, held_for_long])
-@pytest.mark.parametrize("provenance", [{}, {"nominal": True}])
+@pytest.mark.parametrize(
+    ("press_of", "provenance"),
+    [
+        (held_at_first, {}),
+        (held_for_long, {"nominal": True}),
+        pytest.param(held_for_long, {}, marks=pytest.mark.slow),
+        pytest.param(held_at_first, {"nominal": True}, marks=pytest.mark.slow),
+    ],
+)
 def test_a_recording_that_begins_pressed_is_calibrated_where_it_is_at_rest(
     press_of: Callable[[int], float], provenance: dict[str, object]
 ) -> None:

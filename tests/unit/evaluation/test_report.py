@@ -195,9 +195,11 @@ def test_json_survives_its_round_trip_and_agrees_with_the_page(
     assert sorted(path.name for path in written_page.parent.iterdir()) == ["report.html", "report.json"]
 
 
-def test_a_single_recording_makes_a_page_too(evaluation: Evaluation) -> None:
-    trial = replace(evaluation.trials[0], case=None)
-    single = replace(evaluation, trials=(trial,), seconds=float("nan"), left_out={})
+def test_a_single_recording_makes_a_page_too(evaluation: Evaluation, monkeypatch: pytest.MonkeyPatch) -> None:
+    (method, *_), (trial, *_) = evaluation.methods, evaluation.trials
+    trial = replace(trial, case=None, comparisons=trial.comparisons[:1])
+    monkeypatch.setattr(report, "WORST_PER_METHOD", 1)
+    single = replace(evaluation, methods=(method,), trials=(trial,), seconds=float("nan"), left_out={})
     page = report.rendered(single, contents(single))
     outline(page)
     assert "1 recording" in page

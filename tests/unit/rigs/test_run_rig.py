@@ -18,8 +18,11 @@ from manytouch.rigs.rig_contact import RigContact
 from manytouch.rigs.rig_file import load_rig
 from manytouch.rigs.run_rig import SensorState, run_rig
 from manytouch.session import Playback
+from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sources import open_source
 from manytouch.sources.simulated import load_solved_scene
+from manytouch.values.sensor_file import save_sensor
+from part_of_sheet import part_of_sheet
 from results import rows_of
 
 FOUR, TWO = ("index", "middle", "ring", "thumb"), ("index", "ring")
@@ -28,7 +31,7 @@ SCENE = """schema = 1
 name = "press"
 seconds = 3.0
 fps = 5.0
-sensor = "demo"
+sensor = "sensor.toml"
 mechanics = "shell"
 [[bodies]]
 shape = { kind = "round_punch", radius_mm = 6.0 }
@@ -50,6 +53,7 @@ class Notes:
 
 def rig_file(folder: Path, names: tuple[str, ...]) -> Path:
     """A rig of sensors with the same press of 3 s, which is solved here and not by their processes."""
+    save_sensor(part_of_sheet(demo_sensor(480), (64.0, 44.0)), folder / "sensor.toml")
     scene = folder / "press.toml"
     scene.write_text(SCENE)
     load_solved_scene(str(scene))

@@ -247,9 +247,11 @@ def test_a_parameter_changes_while_it_runs() -> None:
     [
         ("paper", "estimate.formula", "printed"),
         pytest.param("paper", "interpolation.search_radius_pitch", 2.0, marks=pytest.mark.slow),
-        ("paper", "track.gate_pitch", 0.45),
+        pytest.param("paper", "track.gate_pitch", 0.45, marks=pytest.mark.slow),
         ("paper", "detect.kernel_px", 5.0),
-        ("perimeter", "estimate.contact_finder.tracker.bridge_frames", 3.0),
+        pytest.param(
+            "perimeter", "estimate.contact_finder.tracker.bridge_frames", 3.0, marks=pytest.mark.slow
+        ),
         pytest.param("perimeter", "detect.least_snr", 2.5, marks=pytest.mark.slow),
         ("perimeter", "track.damping", 0.4),
         ("mechanics", "estimate.outlier_gate.stds", 7.0),
@@ -298,9 +300,9 @@ def test_the_surface_of_any_method_can_be_changed_while_it_runs() -> None:
     ],
 )
 def test_what_cannot_be_done_becomes_a_note(command: Command, words: str) -> None:
-    live, seen = run_live(DrawnSource(frames=25, is_touched=False), at_2=command)
+    live, seen = run_live(DrawnSource(frames=16, is_touched=False), at_2=command)
     assert any(words in note for note in live.health().notes)
-    assert len(seen.readings) == 25
+    assert len(seen.readings) == 16
 
 
 def test_a_setup_that_cannot_process_frames_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -154,7 +154,7 @@ class Waiting(Seeking):
     [
         ("paper", "estimate.formula", "printed"),
         pytest.param("paper", "estimate.padding", "zero", marks=pytest.mark.slow),
-        ("paper", "estimate.contact_depth_pitch", 0.3),
+        pytest.param("paper", "estimate.contact_depth_pitch", 0.3, marks=pytest.mark.slow),
         pytest.param("paper", "interpolation.iterations", 80.0, marks=pytest.mark.slow),
         ("paper", "interpolation.power", 3.0),
         ("perimeter", "track.damping", 0.4),

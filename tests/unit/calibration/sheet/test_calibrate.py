@@ -24,6 +24,7 @@ from manytouch.mechanics.shell.shell import Shell
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sources import open_source
 from manytouch.values.sensor_file import load_sensor, save_sensor
+from part_of_sheet import part_of_sheet
 
 YOUNG_MPA, THICKNESS_MM, PRETENSION_N_PER_MM = 2.4, 3.3, 0.15
 PLACES = (
@@ -40,24 +41,11 @@ SIZE_MM = (60.0, 40.0)
 def small_sensor():
     """The demo's camera before a quarter of its sheet; given as 3 mm thick, without stiffness or
     pretension."""
-    sensor = demo_sensor(1280)
-    near = (np.abs(sensor.layout.rest_mm[:, :2]) < np.array(SIZE_MM) / 2).all(axis=1)
-    layout = replace(
-        sensor.layout,
-        rest_mm=sensor.layout.rest_mm[near],
-        row_column=None,
-        radius_mm=sensor.layout.radius_mm[near],
-        is_missing=sensor.layout.is_missing[near],
-    )
+    sensor = part_of_sheet(demo_sensor(1280), SIZE_MM)
     sheet = replace(
-        sensor.sheet,
-        size_mm=np.array(SIZE_MM),
-        thickness_mm=3.0,
-        young_MPa=None,
-        pretension_N_per_mm=None,
-        bending_factor=None,
+        sensor.sheet, thickness_mm=3.0, young_MPa=None, pretension_N_per_mm=None, bending_factor=None
     )
-    return replace(sensor, layout=layout, sheet=sheet)
+    return replace(sensor, sheet=sheet)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -252,10 +240,24 @@ def test_a_table_of_presses_names_each_mistake(tmp_path):
         read_press_table(tmp_path / "nothing.csv")
 
 
+SCENE = """schema = 1
+name = "press"
+seconds = 3.0
+fps = 10.0
+sensor = "sensor.toml"
+mechanics = "shell"
+[[bodies]]
+shape = { kind = "round_punch", radius_mm = 6.0 }
+motions = [{ kind = "press", at_mm = [14.0, -8.0], depth_mm = 4.0, start_s = 1.6, end_s = 3.4, ramp_s = 0.4 }]
+"""
+
+
 def test_presses_are_read_from_a_recording(tmp_path):
     sensor = demo_sensor(1280)
-    table = tmp_path / "presses.csv"
-    table.write_text("input,time_s,x_mm,y_mm\nsim:one,2.2,14,-8\n")
+    table, scene = tmp_path / "presses.csv", tmp_path / "press.toml"
+    scene.write_text(SCENE)
+    save_sensor(sensor, tmp_path / "sensor.toml")
+    table.write_text(f"input,time_s,x_mm,y_mm\nsim:{scene},2.6,14,-8\n")
     (press,) = measure_presses(sensor, read_press_table(table), tmp_path)
     reach = np.linalg.norm(press.displacement_px, axis=1)
     assert press.is_seen.sum() > 590
@@ -263,7 +265,7 @@ def test_presses_are_read_from_a_recording(tmp_path):
     near = np.linalg.norm(sensor.layout.rest_mm[reach > 0.7 * reach.max(), :2] - press.place_mm, axis=1)
     assert near.max() < 25.0
     assert 0.01 <= press.noise_px < 0.05
-    shown = open_source("sim:one").simulator
+    shown = open_source(f"sim:{scene}").simulator
     images = [cv2.cvtColor(shown.frame(index).image, cv2.COLOR_GRAY2BGR) for index in range(16)]
     write_video(tmp_path / "short.avi", images)
     table.write_text("input,time_s,x_mm,y_mm\nshort.avi,60,14,-8\n")
@@ -306,7 +308,7 @@ def test_the_plan_is_a_table_that_can_be_read_and_gcode_that_presses(tmp_path, c
 def test_a_clamp_that_is_not_where_the_file_has_it_is_found():
     sensor = small_sensor()
     wrong_mm = np.array(SIZE_MM) + 0.8
-    found = calibrate_sheet(replace(sensor, sheet=replace(sensor.sheet, size_mm=wrong_mm)), pressed())
+    found = calibrate_sheet(replace(sensor, sheet=replace(sensor.sheet, size_mm=wrong_mm)), pressed()[:4])
     assert found.sheet.size_mm == pytest.approx(SIZE_MM, abs=0.2)
     assert found.sheet.young_MPa == pytest.approx(YOUNG_MPA, rel=0.05)
     off_mm = (found.sheet.size_mm - SIZE_MM) / 2
@@ -320,7 +322,8 @@ def test_an_outline_that_the_file_states_exactly_hardly_moves():
     wide_mm = np.array(SIZE_MM) + 2.0
     sheets = [replace(sensor.sheet, size_mm=wide_mm, outline_std_mm=std_mm) for std_mm in (0.0, 0.5)]
     exact, free = (
-        calibrate_sheet(replace(sensor, sheet=sheet), pressed()).sheet.size_mm - SIZE_MM for sheet in sheets
+        calibrate_sheet(replace(sensor, sheet=sheet), pressed()[:4]).sheet.size_mm - SIZE_MM
+        for sheet in sheets
     )
     assert np.abs(free).max() < 0.6
     assert np.abs(exact).min() > np.abs(free).max()
@@ -331,7 +334,7 @@ def test_a_stated_deviation_of_the_bending_factor_limits_how_far_it_moves(std, l
     """Presses of a sheet that bends as if it were 30 % stiffer than the file states."""
     sensor = small_sensor()
     sheet = replace(sensor.sheet, bending_factor=0.7, bending_factor_std=std)
-    found = calibrate_sheet(replace(sensor, sheet=sheet), pressed()).sheet.bending_factor
+    found = calibrate_sheet(replace(sensor, sheet=sheet), pressed()[:4]).sheet.bending_factor
     assert least <= abs(found / 0.7 - 1.0) < most
 
 

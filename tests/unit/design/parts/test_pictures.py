@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
+from manytouch.design.parts import pictures
 from manytouch.design.parts.meshing import make_mesh
 from manytouch.design.parts.pictures import RISE_DEG, TURN_DEG, render_meshes
 from manytouch.design.parts.solids import Solid, block
 
 
-def test_near_parts_hide_far_ones():
+def test_near_parts_hide_far_ones(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(pictures, "SAMPLES_PER_PX", 2.5)
     low = make_mesh(Solid(joined=(block((20.0, 20.0), (0.0, 2.0)),)))
     high = make_mesh(Solid(joined=(block((8.0, 8.0), (2.0, 12.0)),)))
     seen = render_meshes([low.corners_mm, high.corners_mm], ["#ff0000", "#0000ff"]).astype(float)

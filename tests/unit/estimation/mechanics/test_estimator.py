@@ -241,12 +241,12 @@ def test_interleaved_states_give_the_same_bits_as_separate_ones(
     courses = [[grid_of(model, bent_mm, seed=k) for k in range(7)] for bent_mm in (shape, 0.4 * shape)]
     separate = []
     for grids in courses:
-        state, results = ESTIMATE.start(sensor_of()), []
+        state, results = started(), []
         for grid in grids:
             state, *result = ESTIMATE.step(state, grid)
             results.append(result)
         separate.append(results)
-    states, interleaved = [ESTIMATE.start(sensor_of())] * 2, [[], []]
+    states, interleaved = [started()] * 2, [[], []]
     for pair in zip(*courses, strict=True):
         for number, grid in enumerate(pair):
             states[number], *result = ESTIMATE.step(states[number], grid)
@@ -255,8 +255,7 @@ def test_interleaved_states_give_the_same_bits_as_separate_ones(
 
 
 def test_noise_at_rest_makes_no_contacts(model: InversionModel) -> None:
-    flat = np.zeros((model.patch.node_count, 3))
-    state = ESTIMATE.start(sensor_of())
+    flat, state = np.zeros((model.patch.node_count, 3)), started()
     for k in range(30):
         state, _, contacts = ESTIMATE.step(state, grid_of(model, flat, noise_px=0.05, seed=k))
         assert not contacts.touching
@@ -264,7 +263,7 @@ def test_noise_at_rest_makes_no_contacts(model: InversionModel) -> None:
 
 def test_the_reference_follows_creep_and_not_a_steady_press(model: InversionModel) -> None:
     flat, pressed = np.zeros((model.patch.node_count, 3)), bent(model, (3.0, -4.0, 0.12))
-    state = ESTIMATE.start(sensor_of())
+    state = started()
     for k in range(40):
         crept = grid_of(model, flat, seed=k)
         crept = replace(crept, position_px=crept.position_px + np.array([0.1, 0.0]))
@@ -272,7 +271,7 @@ def test_the_reference_follows_creep_and_not_a_steady_press(model: InversionMode
         assert not contacts.touching
     learnt_px = state.reference_px - state.initial_reference_px
     assert 0.01 < learnt_px[:, 0].mean() < 0.1
-    for k in range(60):
+    for k in range(30):
         state, _, contacts = ESTIMATE.step(state, grid_of(model, pressed, seed=k))
     np.testing.assert_array_equal(state.reference_px - state.initial_reference_px, learnt_px)
     assert len(contacts.touching) == 1
@@ -375,8 +374,17 @@ def assumed_sensor() -> Sensor:
     return replace(sensor, sheet=assumed_sheet(sensor.layout))
 
 
-@pytest.mark.parametrize("thickness_mm", [1.5, 3.0, 4.5])
-@pytest.mark.parametrize("pretension_N_per_mm", [0.0, 0.6])
+@pytest.mark.parametrize(
+    ("thickness_mm", "pretension_N_per_mm"),
+    [
+        (1.5, 0.6),
+        (4.5, 0.0),
+        *(
+            pytest.param(thickness_mm, pretension_N_per_mm, marks=pytest.mark.slow)
+            for thickness_mm, pretension_N_per_mm in ((1.5, 0.0), (3.0, 0.0), (3.0, 0.6), (4.5, 0.6))
+        ),
+    ],
+)
 def test_contacts_of_an_assumed_sheet(thickness_mm: float, pretension_N_per_mm: float) -> None:
     """The true outline is 2 mm wider than the assumed one, and the thickness differs by up to a half."""
     true = ESTIMATE.start(sensor_of(thickness_mm=thickness_mm, pretension_N_per_mm=pretension_N_per_mm)).model
@@ -435,8 +443,7 @@ def test_frames_that_the_sheet_of_the_file_does_not_describe_for_long_are_those_
     model: InversionModel, shape: np.ndarray
 ) -> None:
     """After a few frames, in which contacts wait; the sheet is used again as soon as it describes a frame."""
-    rules = ESTIMATE.undescribed_frames
-    state = ESTIMATE.start(sensor_of())
+    rules, state = ESTIMATE.undescribed_frames, started()
     flat = np.zeros((model.patch.node_count, 3))
     away_mm = np.linalg.norm(model.layout.rest_mm[:, :2] - [6.0, 4.0], axis=1)
     pull_px = 25.0 * np.exp(-0.5 * (away_mm / 6.0) ** 2)
@@ -465,14 +472,14 @@ def test_frames_that_the_sheet_of_the_file_does_not_describe_have_the_contacts_o
     """Under the finger dots swell against rest, also where the first of these frames is touched."""
     finder = uncalibrated_contact_finder()
     other = PerimeterEstimator(contact_finder=finder, uncalibrated_contact_finder=finder)
-    state, other_state = ESTIMATE.start(sensor_of()), other.start(sensor_of())
+    state, other_state = started(), other.start(sensor_of())
     flat = np.zeros((model.patch.node_count, 3))
     offset = (model.layout.rest_mm[:, :2] - [6.0, 4.0]) / 7.0
     bump = np.exp(-0.5 * (offset**2).sum(axis=1))[:, None]
     ring = np.exp(-0.5 * ((np.linalg.norm(offset, axis=1) - 3.0) / 0.5) ** 2)[:, None]
     squeezed_px = 25.0 * bump * [1.0, 0.4] - 6.0 * ring * offset
     undescribed = 0
-    for frame in range(60):
+    for frame in range(48):
         share = 0.0 if frame < 12 else min(1.0, 0.5 + 0.1 * (frame - 12))
         grid = grid_of(model, flat, seed=frame)
         area_px2 = 300.0 * np.exp(0.25 * share * bump[:, 0])
@@ -484,7 +491,7 @@ def test_frames_that_the_sheet_of_the_file_does_not_describe_have_the_contacts_o
             (contact,), (twin,) = contacts.touching, expected.touching
             np.testing.assert_allclose(contact.centre_mm, twin.centre_mm, atol=0.1 * PITCH_MM)
             np.testing.assert_allclose(contact.centre_mm, [6.0, 4.0], atol=PITCH_MM)
-    assert undescribed > 20
+    assert undescribed > 10
 
 
 def test_an_estimator_that_is_used_directly_limits_blas_to_one_thread() -> None:

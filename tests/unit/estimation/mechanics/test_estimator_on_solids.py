@@ -92,7 +92,7 @@ def test_depth_and_contacts_of_a_solid(solved, trouble: dict[str, float]) -> Non
     assert np.mean(np.abs(z) < 1.96) > 0.85
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def test_markers_with_ten_times_the_noise(solved, seed: int) -> None:
     estimate, none = MechanicsEstimator(), np.zeros(len(solved[0][0]), dtype=bool)
     state = estimate.start(SENSOR)

@@ -13,13 +13,14 @@ from manytouch.estimation.mechanics.estimator import MechanicsEstimator
 from manytouch.estimation.mechanics.regions.outlines import polygon_area
 from manytouch.estimation.pad.estimator import PadEstimator, PadState
 from manytouch.estimation.pad.pad_contacts import PadContacts, large_strain, pad_shape
+from manytouch.estimation.pad.pad_model import NominalPad
 from manytouch.estimation.pad.patch_fit import tractions
 from manytouch.estimation.pad.patch_forces import FORCE, RADIAL_SHEAR
 from manytouch.estimation.pad.patch_kernels import Profile
 from manytouch.estimation.pad.patches import Patches, near_groups
 from manytouch.values import Contacts, Phase, Sensor, Status, Surface, TrackedGrid
 
-ESTIMATE = PadEstimator()
+ESTIMATE = PadEstimator(nominal_pad=NominalPad(element_thickness=0.4))
 ONE = np.array([[1.3, -0.7, 0.9, 0.1, 0.8, 2.0, 0.3, -0.1, 0.2, 0.05]])
 """Centre, root of the second moment, normal force, shear, torque over E, radial shear."""
 

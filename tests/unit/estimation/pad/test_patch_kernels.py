@@ -1,16 +1,20 @@
 """Nodal forces and marker images of patches against plain numpy."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter
 
 from bonded_pad import gaussian_on_layer
 from manytouch.estimation.pad.estimator import PadState
+from manytouch.estimation.pad.pad_model import layer_table
 from manytouch.estimation.pad.patch_fit import forced, tractions
 from manytouch.estimation.pad.patch_kernels import (
     DENSE_POINTS,
     DENSEST_POINTS,
     POINTS,
+    LayerTable,
     Markers,
     Profile,
     add_layer_images,
@@ -21,6 +25,12 @@ from manytouch.geometry.spline.patch import SplinePatch
 
 SHAPE = np.array([9.3, -2.0, 1.0, 0.3, 0.8])
 ROOT = np.array([[1.0, 0.0], [0.3, 0.8]])
+
+
+@cache
+def layer_at(depth_mm: float) -> LayerTable:
+    """The response of a layer of 4 mm at a depth; each is computed once."""
+    return layer_table(4.0, 0.48, depth_mm)
 
 
 @pytest.mark.parametrize("profile", Profile)
@@ -70,12 +80,10 @@ def test_nodes_are_counted_along_x_and_y_whichever_side_is_longer(pad_state: Pad
 
 def test_images_on_a_layer_are_fourier_sums() -> None:
     """Against Gaussians with the second moments of the patch: beyond it the profile hardly matters."""
-    from manytouch.estimation.pad.pad_model import layer_table
-
     place_mm = np.array([[5.0, 1.0], [-4.0, 3.0], [3.0, -5.0]])
     slope = np.tile(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), (3, 1, 1))
     upright = np.tile(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]), (3, 1, 1))
-    table, shape = layer_table(4.0, 0.48, 0.0), np.array([0.5, -0.5, 0.8, 0.0, 0.8])
+    table, shape = layer_at(0.0), np.array([0.5, -0.5, 0.8, 0.0, 0.8])
     image, lifted = np.zeros((5, 6)), np.zeros((5, 6))
     add_layer_images(shape, int(Profile.DOME), table, Markers(place_mm, slope), image)
     add_layer_images(shape, int(Profile.DOME), table, Markers(place_mm, upright), lifted)
@@ -87,9 +95,7 @@ def test_images_on_a_layer_are_fourier_sums() -> None:
 
 def gaussian_images(centre_mm: np.ndarray, root_mm: float, place_mm: np.ndarray) -> np.ndarray:
     """(5, 2 m) motion of markers along x and y by unit shear along x and y (rows 1 and 2) in a Gaussian."""
-    from manytouch.estimation.pad.pad_model import layer_table
-
-    table = layer_table(4.0, 0.48, 0.3)
+    table = layer_at(0.3)
     rate = np.log(root_mm / table.root[0]) / np.log(table.root[1] / table.root[0])
     low = int(rate)
     value = (1.0 + low - rate) * table.value[low] + (rate - low) * table.value[low + 1]
@@ -110,12 +116,10 @@ def gaussian_images(centre_mm: np.ndarray, root_mm: float, place_mm: np.ndarray)
 )
 def test_images_are_those_of_the_pressure_of_a_profile(profile: Profile, error: float) -> None:
     """Against narrow Gaussians at many points, for a root of .55 and a depth of .3 thicknesses."""
-    from manytouch.estimation.pad.pad_model import layer_table
-
     random = np.random.default_rng(5)
     place_mm = random.uniform(-5.0, 5.0, (60, 2))
     slope = np.tile(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), (60, 1, 1))
-    table, markers = layer_table(4.0, 0.48, 1.2), Markers(place_mm, slope)
+    table, markers = layer_at(1.2), Markers(place_mm, slope)
     found = np.zeros((5, 120))
     add_layer_images(np.array([0.0, 0.0, 2.2, 0.0, 2.2]), int(profile), table, markers, found)
     expected, wide_mm = np.zeros((5, 120)), np.sqrt(2.2**2 - 0.3**2)
@@ -131,11 +135,9 @@ def test_images_are_those_of_the_pressure_of_a_profile(profile: Profile, error: 
 
 
 def test_turn_and_growth_are_shear_in_proportion_to_the_arm() -> None:
-    from manytouch.estimation.pad.pad_model import layer_table
-
     place_mm = np.array([[1.0, 0.5], [-2.0, 1.0], [0.2, -3.0]])
     slope = np.tile(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), (3, 1, 1))
-    table, markers = layer_table(4.0, 0.48, 0.3), Markers(place_mm, slope)
+    table, markers = layer_at(0.3), Markers(place_mm, slope)
     shape = np.array([0.3, -0.2, 1.2, 0.4, 0.9])
     whole, expected = np.zeros((5, 6)), np.zeros((5, 6))
     add_layer_images(shape, int(Profile.FLAT), table, markers, whole)

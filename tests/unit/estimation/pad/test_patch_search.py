@@ -7,6 +7,7 @@ import pytest
 
 from layouts import grid_at
 from manytouch.estimation.pad.estimator import PadEstimator, PadState
+from manytouch.estimation.pad.pad_model import NominalPad
 from manytouch.estimation.pad.patches import Profile
 from manytouch.evaluation.suite.calibrated.pad_sensor import calibration_presses, drawn_pad
 from manytouch.evaluation.suite.pads.cases import OwnPadCase, pads
@@ -18,6 +19,8 @@ from manytouch.simulation.simulator import Simulator
 from manytouch.values import TrackedGrid
 
 ESTIMATE = PadEstimator()
+LONGER = PadEstimator(nominal_pad=NominalPad(element_thickness=0.5))
+"""Its elements are half a thickness long instead of a third."""
 
 
 def grid_of(case: OwnPadCase, state: int) -> TrackedGrid:
@@ -34,11 +37,13 @@ def true_mm2(case: OwnPadCase, state: int) -> float:
     return contact.normal_force_N / case.young_MPa
 
 
-@pytest.fixture(scope="module")
-def thin() -> tuple[PadState, OwnPadCase]:
+@pytest.fixture(
+    scope="module", params=[LONGER, pytest.param(ESTIMATE, marks=pytest.mark.slow)], ids=["longer", "usual"]
+)
+def thin(request: pytest.FixtureRequest) -> tuple[PadState, OwnPadCase]:
     """A pad of 2.5 mm that its file states 6 % thinner, and a ball of 16 mm that is pressed on it."""
     case = calibration_presses("thin")[1]
-    return ESTIMATE.start(drawn_pad(calibration_presses("thin")[0])), case
+    return request.param.start(drawn_pad(calibration_presses("thin")[0])), case
 
 
 def test_a_wide_press_that_is_sudden_has_the_force_of_a_slow_one(thin: tuple[PadState, OwnPadCase]) -> None:
@@ -94,16 +99,20 @@ def test_a_ring_is_found_where_the_numbers_of_the_pad_are_not_exact(name: str, c
         assert one.normal_force_over_E_mm2 == pytest.approx(true_mm2(case, number), rel=0.3)
 
 
-def test_a_punch_that_sticks_is_not_taken_for_a_weak_ring() -> None:
+@pytest.mark.parametrize(
+    ("estimate", "frames"),
+    [(LONGER, 6), pytest.param(ESTIMATE, 12, marks=pytest.mark.slow)],
+    ids=["longer", "usual"],
+)
+def test_a_punch_that_sticks_is_not_taken_for_a_weak_ring(estimate: PadEstimator, frames: int) -> None:
     """A ring under shear that points outwards has nearly the same images, with half the force."""
     (case,) = (each for each in pads("pads") if each.name == "flat-punch-3-mm-sticking")
     sensor = exact_sensor(true_pad(case, width_px=320, centre_noise_px=0.02))
     markers, _ = pad_states(case)[0]
     scene = SolidScene(name="press", time_s=np.array([0.0, 1.0]), states=(markers, markers), duration_s=1.0)
     position_px = Simulator(sensor=sensor, scene=scene).truth(0).grid.position_px
-    estimate = PadEstimator()
     started = estimate.start(sensor)
-    for seed in range(12):
+    for seed in range(frames):
         _, _, contacts = estimate.step(started, grid_at(position_px, noise_px=0.02, seed=seed))
         (found,) = contacts.touching
         assert found.force_N[2] == pytest.approx(markers.contacts[0].force_N[2], rel=0.25)

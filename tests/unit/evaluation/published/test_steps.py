@@ -1,6 +1,7 @@
 """The paper, step by step: what is shown is what the method computes, and the page states its numbers."""
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,12 +17,19 @@ from manytouch.geometry.surface_sampling import sample
 from manytouch.session import prepare
 from manytouch.session.run import NoObserver
 from manytouch.values import Reading, Sensor
+from measured_once import layouts_measured_once
 
 pytest.importorskip("matplotlib")
 pytest.importorskip("jinja2")
 
 ALL = {"1-camera", "2-grey", "3-threshold", "4-opened", "5-contours", "6-centres", "7-identities"}
 DEPTHS = {"8-perimeters", "9-padded-grid", "10-surface"}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def layouts() -> Iterator[None]:
+    with layouts_measured_once():
+        yield
 
 
 @pytest.fixture(scope="module")

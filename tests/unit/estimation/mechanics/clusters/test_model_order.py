@@ -77,7 +77,7 @@ def test_one_press_of_any_width_is_one_contact() -> None:
         assert len(split(pressed((3.0, 2.0, radius, 1.0)))) == 1
 
 
-@pytest.mark.parametrize("half_mm", [5.0, 6.0, 8.0])
+@pytest.mark.parametrize("half_mm", [5.0, pytest.param(6.0, marks=pytest.mark.slow), 8.0])
 def test_a_flat_finger_is_one_contact(half_mm: float) -> None:
     chance = np.random.default_rng(int(half_mm))
     for _ in range(6):

@@ -188,9 +188,14 @@ def test_steps_of_several_lengths_are_refused() -> None:
         )
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.3], ids=["smooth", "rough"])
 @pytest.mark.parametrize(
-    "indenter", [Sphere(radius_mm=4.0), RoundPunch(radius_mm=3.0)], ids=["sphere", "punch"]
+    ("indenter", "friction"),
+    [
+        pytest.param(Sphere(radius_mm=4.0), 0.0, id="sphere-smooth"),
+        pytest.param(RoundPunch(radius_mm=3.0), 0.3, id="punch-rough"),
+        pytest.param(Sphere(radius_mm=4.0), 0.3, id="sphere-rough", marks=pytest.mark.slow),
+        pytest.param(RoundPunch(radius_mm=3.0), 0.0, id="punch-smooth", marks=pytest.mark.slow),
+    ],
 )
 def test_the_tangent_agrees_with_differences(indenter: Indenter, friction: float) -> None:
     """In mid-step, with points that stick, slide, arrive and leave."""
