@@ -42,6 +42,7 @@ INDEPENDENT_ERRORS = 10.0
 """Number of independent model errors of a press, chosen on the same two sheets. Those of neighbouring dots
 are alike: if each dot counted, hundreds of them would outweigh the readings of the scale and what the sensor
 file states."""
+_STEP = 1e-4  # of the common unknowns, for differences
 _CLEAR_RADII = 1.3
 _MAX_STEPS = 25
 _INITIAL_FORCE_STEPS = 20
@@ -174,13 +175,12 @@ class PressFit:
         """Iterate Gauss-Newton steps; returns the best values and the linearisation of each press there."""
         guess = self._initial_forces(self.first)
         for _ in range(_MAX_STEPS):
-            linear = tuple(self._linearise(guess, number) for number in range(len(self.presses)))
-            change = self.step(guess, linear)
+            change = self.step(guess, self._linearise(guess))
             change *= min(1.0, 0.7 / float(np.abs(change[1:]).max()))
             guess = self._apply(guess, change)
             if np.abs(change).max() < _CONVERGED:
                 break
-        return guess, tuple(self._linearise(guess, number) for number in range(len(self.presses)))
+        return guess, self._linearise(guess)
 
     def step(
         self, guess: FitParameters, linear: Sequence[PressLinearisation], left_out: int | None = None
@@ -260,10 +260,18 @@ class PressFit:
             normal[YOUNG, YOUNG] += 1.0  # E is not fitted
         return normal, slope
 
-    def _linearise(self, guess: FitParameters, number: int) -> PressLinearisation:
-        """Linearise one press at given values."""
+    def _linearise(self, guess: FitParameters) -> tuple[PressLinearisation, ...]:
+        """Linearise all presses at given values."""
+        steps = _STEP * np.eye(COMMON + 1)[[COMMON, TENSION, BENDING, THICKNESS, OUTLINE], :COMMON]
+        models = [self.model(guess.common + step) for step in steps]
+        return tuple(self._linearise_press(guess, number, models) for number in range(len(self.presses)))
+
+    def _linearise_press(
+        self, guess: FitParameters, number: int, models: Sequence[tuple[Shell, MarkerImages]]
+    ) -> PressLinearisation:
+        """Linearise one press; `models` are those of the values, and of one after the other increased."""
         press, shape = self.presses[number], guess.shape_mm[number]
-        shell, dots = self.model(guess.common)
+        (shell, dots), *changed = models
         force = np.empty_like(shape)
         tangent = shell.empty_tangent()
         shell.forces_and_tangent(shape, force, tangent)
@@ -272,14 +280,10 @@ class PressFit:
         load = size * _unit_load(shell.patch, press, guess.single[number], shape)
         loads, seen = [], []
         here_px = dots.displacement_px(shape)
-        for place in (TENSION, BENDING, THICKNESS, OUTLINE):
-            step = 1e-4
-            other = guess.common.copy()
-            other[place] += step
-            other_shell, other_dots = self.model(other)
+        for other_shell, other_dots in changed:
             other_load = size * _unit_load(other_shell.patch, press, guess.single[number], shape)
-            loads.append((other_load - load - other_shell.forces(shape) + force) / step)
-            seen.append((other_dots.displacement_px(shape) - here_px) / step)
+            loads.append((other_load - load - other_shell.forces(shape) + force) / _STEP)
+            seen.append((other_dots.displacement_px(shape) - here_px) / _STEP)
         loads.append(np.zeros_like(shape))
         seen.append(np.zeros_like(here_px))
         loads.append(load)
@@ -306,8 +310,7 @@ class PressFit:
         return PressLinearisation(residual=residual, derivative=slope)
 
     def _weight(self, press: KnownPress) -> np.ndarray:
-        """(m,) one over the standard deviation of a dot; 0 under the contact, where a uniform patch is not
-        valid.
+        """(m,) one over the standard deviation of a dot; 0 under the contact, where the patch is not valid.
 
         The model error is so much larger than that of a dot as makes all dots together count like
         `INDEPENDENT_ERRORS` of them.
