@@ -77,12 +77,12 @@ def test_a_silent_camera_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     source = CameraSource("0", lambda: Capture(image))
     frames = iter(source)
     next(frames)
-    assert source.state == "ok"
+    assert source.status == "ok"
     silent.set()
-    wait_until(lambda: "no image from camera-0 for" in source.state)
+    wait_until(lambda: "no image from camera-0 for" in source.status)
     silent.clear()
     go_on.set()
-    wait_until(lambda: source.state == "ok")
+    wait_until(lambda: source.status == "ok")
     source.close()
 
 
@@ -92,7 +92,7 @@ def test_images_of_another_size_are_frames_without_image() -> None:
     frames, shapes, statuses = iter(source), [], []
     for frame in islice(frames, 10):
         shapes.append(None if frame.image is None else frame.image.shape)
-        statuses.append(source.state)
+        statuses.append(source.status)
     source.close()
     assert set(shapes) <= {None, (240, 320)}
     assert None in shapes

@@ -156,7 +156,7 @@ class Live:
         layout, (median_ms, p99_ms) = setup.sensor.layout, self._meter.latency_ms
         return Health(
             is_running=not self._is_held,
-            source_state="ok" if can.device is None else can.device.state,
+            source_state="ok" if can.device is None else can.device.status,
             readings_per_s=self._meter.readings_per_s,
             latency_ms_p50=median_ms,
             latency_ms_p99=p99_ms,

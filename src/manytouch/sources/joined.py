@@ -150,8 +150,8 @@ class _Devices:
             device.is_colour = value
 
     @property
-    def state(self) -> str:
-        return next((device.state for device in self._devices if device.state != "ok"), "ok")
+    def status(self) -> str:
+        return next((device.status for device in self._devices if device.status != "ok"), "ok")
 
     def listen(self, tap: Callable[[Frame], None] | None) -> None:
         self._joined.listen(tap)

@@ -25,7 +25,7 @@ class Device(Protocol):
     is_colour: bool
 
     @property
-    def state(self) -> str:
+    def status(self) -> str:
         """ "ok", or a sentence about what is wrong."""
 
     def listen(self, tap: Callable[[Frame], None] | None) -> None:

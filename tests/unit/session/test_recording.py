@@ -115,7 +115,7 @@ class Slow:
     """A live source with the clocks of this machine, whose timestamps began long before its frames."""
 
     name, fps, frame_count, width_px, height_px = "bench", 30.0, None, 320, 240
-    is_live, is_colour, state, settings = True, False, "ok", ()
+    is_live, is_colour, status, settings = True, False, "ok", ()
 
     def __init__(self) -> None:
         self.tap: Any = None

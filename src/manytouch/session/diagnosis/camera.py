@@ -43,7 +43,7 @@ def describe_frame_rate(source: Source) -> str:
     elapsed_s = time.monotonic() - started_s
     if len(indices) < 2:
         device = source.capabilities.device
-        return f"measured rate: unknown: {'too few frames' if device is None else device.state}"
+        return f"measured rate: unknown: {'too few frames' if device is None else device.status}"
     arrived = indices[-1] - indices[0] + 1
     text = f"measured rate: {arrived / elapsed_s:.1f} frames per second arrive"
     if arrived > len(indices):

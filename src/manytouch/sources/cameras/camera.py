@@ -80,7 +80,7 @@ class CameraSource:
         return f"camera-{self._text.rpartition('/')[2]}"
 
     @property
-    def state(self) -> str:
+    def status(self) -> str:
         """ "ok", or a sentence on what is wrong: disconnected, silent, or with images of another size."""
         if self._status != "ok" or self._arrived_ns is None:
             return self._status

@@ -173,13 +173,13 @@ def test_a_camera_that_is_pulled_out_is_tried_until_it_is_back(quick: None) -> N
     before = taken(source, frames, 10)
     plugged.is_out = True
     deadline = time.monotonic() + 5
-    while source.state == "ok" and time.monotonic() < deadline:
+    while source.status == "ok" and time.monotonic() < deadline:
         time.sleep(0.005)
-    assert "no image from camera-0" in source.state
+    assert "no image from camera-0" in source.status
     time.sleep(0.3)
     plugged.is_out = False
     after = taken(source, frames, 13)
-    assert source.state == "ok"
+    assert source.status == "ok"
     source.close()
     indices = [frame.index for frame in before + after]
     assert indices == list(range(23)), "no number is missing"
@@ -199,12 +199,12 @@ def test_a_camera_that_comes_back_with_another_size_is_not_taken_for_the_same(qu
     time.sleep(0.2)
     plugged.is_out = False
     deadline = time.monotonic() + 5
-    while "640 x 240" not in source.state and time.monotonic() < deadline:
+    while "640 x 240" not in source.status and time.monotonic() < deadline:
         time.sleep(0.005)
-    assert "expected 320 x 240 px, found 640 x 240 px" in source.state
+    assert "expected 320 x 240 px, found 640 x 240 px" in source.status
     plugged.width = 320
     taken(source, frames, 3)
-    assert source.state == "ok"
+    assert source.status == "ok"
     source.close()
 
 
@@ -349,9 +349,9 @@ class TestStream:
             taken(source, frames, 10)
             server.unplug()
             deadline = time.monotonic() + 5
-            while source.state == "ok" and time.monotonic() < deadline:
+            while source.status == "ok" and time.monotonic() < deadline:
                 time.sleep(0.005)
-            assert "no image from stream-127.0.0.1" in source.state
+            assert "no image from stream-127.0.0.1" in source.status
             server.plug_in()
             after = taken(source, frames, 10)
             source.close()
