@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64, Int64
-from scipy.interpolate import BSpline, make_interp_spline
 from scipy.sparse import csr_array
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
@@ -241,6 +240,8 @@ def _lattice(layout: Layout) -> tuple[Scalars, Float64[np.ndarray, " rows"], np.
 
 def _spline(knot: np.ndarray, at: np.ndarray) -> Spline:
     """Cubic spline through values at the knots; beyond them it continues along its tangent."""
+    from scipy.interpolate import BSpline, make_interp_spline
+
     through = make_interp_spline(knot, np.eye(len(knot)), k=min(3, len(knot) - 1))
     degree, solve = through.k, np.ascontiguousarray(through.c.T)
     held = np.clip(at, knot[0], knot[-1])

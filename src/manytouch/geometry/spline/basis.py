@@ -4,7 +4,6 @@ from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float64, Int64
-from scipy.interpolate import BSpline
 
 from manytouch.values.arrays import read_only
 
@@ -58,6 +57,8 @@ def values(
 @lru_cache(maxsize=256)
 def _polynomials(elements: int) -> Float64[np.ndarray, "elements 4 4"]:
     """Coefficients of 1, s, s^2, s^3 of the four functions in each element, where s runs from 0 to 1."""
+    from scipy.interpolate import BSpline
+
     splines = BSpline(knots(float(elements), elements), np.eye(elements + DEGREE), DEGREE)
     middle, element = np.arange(elements) + 0.5, np.arange(elements)[:, None]
     chosen = element + np.arange(DEGREE + 1)

@@ -1,17 +1,14 @@
-"""The outputs by the scheme of their URL, in one place."""
+"""The outputs by the scheme of their URL, in one place; each is imported when it is used."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from manytouch.errors import ManytouchError, OutputError
 from manytouch.pipeline import Controls
-from manytouch.sinks.publishers import foxglove_live, ros2
 from manytouch.sinks.publishers.address import OutputAddress, parse_address
-from manytouch.sinks.publishers.foxglove_live import FoxglovePublisher
 from manytouch.sinks.publishers.midi import MidiPublisher, MpeEncoder
 from manytouch.sinks.publishers.osc import encode_osc
 from manytouch.sinks.publishers.queued import Publisher, QueuedOutput
-from manytouch.sinks.publishers.ros2 import Ros2Publisher
 from manytouch.sinks.publishers.touches import FULL_SCALES, scale_of
 from manytouch.sinks.publishers.tuio import PORT as TUIO_PORT
 from manytouch.sinks.publishers.tuio import Tuio11, Tuio20
@@ -36,6 +33,30 @@ class Scheme:
     options: tuple[str, ...]
     open_publisher: Callable[[OutputAddress, Controls], Publisher]
     warm_up: Callable[[Reading, Sensor], object] | None = None
+
+
+def _ros2(address: OutputAddress, controls: Controls) -> Publisher:
+    from manytouch.sinks.publishers.ros2 import Ros2Publisher
+
+    return Ros2Publisher(address, controls)
+
+
+def _warm_up_ros2(reading: Reading, sensor: Sensor) -> None:
+    from manytouch.sinks.publishers import ros2
+
+    ros2.warm_up(reading, sensor)
+
+
+def _foxglove(address: OutputAddress, controls: Controls) -> Publisher:
+    from manytouch.sinks.publishers.foxglove_live import FoxglovePublisher
+
+    return FoxglovePublisher(address, controls)
+
+
+def _warm_up_foxglove(reading: Reading, sensor: Sensor) -> None:
+    from manytouch.sinks.publishers import foxglove_live
+
+    foxglove_live.warm_up(reading, sensor)
 
 
 def _osc(address: OutputAddress, _: Controls) -> Publisher:
@@ -63,15 +84,15 @@ SCHEMES: Mapping[str, Scheme] = {
         example="ros2://manytouch",
         purpose="nodes of ROS 2, which need not be installed here",
         options=("domain", "images", "parent", "pose"),
-        open_publisher=Ros2Publisher,
-        warm_up=ros2.warm_up,
+        open_publisher=_ros2,
+        warm_up=_warm_up_ros2,
     ),
     "foxglove": Scheme(
         example="foxglove://127.0.0.1:8765",
         purpose="Foxglove and Lichtblick",
         options=("images",),
-        open_publisher=FoxglovePublisher,
-        warm_up=foxglove_live.warm_up,
+        open_publisher=_foxglove,
+        warm_up=_warm_up_foxglove,
     ),
     "tuio": Scheme(
         example="tuio://127.0.0.1:3333",

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64, Int64
-from scipy.interpolate import RBFInterpolator
 from scipy.ndimage import label
 
 from manytouch.tracking.lattice.find import Lattice, find_lattice, local_spacing
@@ -180,6 +179,8 @@ def _fill_gaps(grid: np.ndarray, centre_px: Points2) -> np.ndarray:
     position = _position(grid, centre_px)
     empty = grid < 0
     if empty.any():
+        from scipy.interpolate import RBFInterpolator
+
         place = np.argwhere(~empty).astype(np.float64)
         near = min(30, len(place))
         spline = RBFInterpolator(
