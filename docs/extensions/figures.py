@@ -37,7 +37,7 @@ def viewer_picture(path: Path) -> None:
                     break
             else:
                 raise SystemExit(f"there were never {CONTACTS} contacts")
-            page.wait_for_timeout(1000)
+            page.wait_for_timeout(600)
             page.screenshot(path=path)
             browser.close()
     finally:
