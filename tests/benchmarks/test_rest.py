@@ -14,8 +14,8 @@ from rest import rest, untouched  # noqa: E402
 
 
 def test_an_untouched_sheet_has_no_contacts_and_a_depth_within_its_deviation() -> None:
-    found = rest("mechanics", frames=15, noise=5.0, width_px=1280)
-    assert found.frames == 15
+    found = rest("mechanics", frames=30, noise=5.0, width_px=1280)
+    assert found.frames == 30
     assert found.touched == 0
     assert found.not_ok == 0
     assert 0.0 < found.depth_rms_mm < 1.2 * found.std_rms_mm

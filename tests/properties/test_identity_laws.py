@@ -66,7 +66,7 @@ def frames(seed, step, dropout, number=4):
 seeds, steps = st.integers(0, 2**32 - 1), st.sampled_from([0.1, 0.5, 1.0, 1.5])
 
 
-@settings(max_examples=24, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(seed=seeds, step=steps, dropout=st.sampled_from([0.0, 0.05, 0.3]))
 def test_seen_is_at_its_own_place_and_no_dot_has_two_markers(seed, step, dropout):
     tracker = MarkerTracker()
@@ -79,7 +79,7 @@ def test_seen_is_at_its_own_place_and_no_dot_has_two_markers(seed, step, dropout
         assert (np.linalg.norm(seen - true[grid.is_seen], axis=1) < 0.45 * PITCH).all()
 
 
-@settings(max_examples=16, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(seed=seeds, step=steps)
 def test_the_order_of_dots_changes_nothing(seed, step):
     tracker = MarkerTracker()
@@ -91,7 +91,7 @@ def test_the_order_of_dots_changes_nothing(seed, step):
         np.testing.assert_array_equal(grid.position_px, other.position_px)
 
 
-@settings(max_examples=16, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(seed=seeds, step=steps, x=st.integers(-60, 60), y=st.integers(-60, 60))
 def test_a_translation_of_the_view_translates_the_positions(seed, step, x, y):
     move = np.array([x, y], dtype=np.float64)
@@ -113,7 +113,7 @@ TURNS = {
 SIDE = 1100  # of a square image that contains the sheet in every view
 
 
-@settings(max_examples=24, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     seed=seeds,
     step=steps,

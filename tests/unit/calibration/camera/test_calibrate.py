@@ -43,7 +43,7 @@ def pictures() -> list[np.ndarray]:
 def test_predicted_deviations_match_the_errors_of_the_parameters(model):
     camera = true_camera(model)
     errors = []
-    for seed in range(12):
+    for seed in range(24):
         found = fit_intrinsics(
             BOARD,
             board_detections(camera, 14, 0.2, seed),

@@ -271,7 +271,7 @@ def test_the_reference_follows_creep_and_not_a_steady_press(model: InversionMode
         assert not contacts.touching
     learnt_px = state.reference_px - state.initial_reference_px
     assert 0.01 < learnt_px[:, 0].mean() < 0.1
-    for k in range(30):
+    for k in range(60):
         state, _, contacts = ESTIMATE.step(state, grid_of(model, pressed, seed=k))
     np.testing.assert_array_equal(state.reference_px - state.initial_reference_px, learnt_px)
     assert len(contacts.touching) == 1
@@ -479,7 +479,7 @@ def test_frames_that_the_sheet_of_the_file_does_not_describe_have_the_contacts_o
     ring = np.exp(-0.5 * ((np.linalg.norm(offset, axis=1) - 3.0) / 0.5) ** 2)[:, None]
     squeezed_px = 25.0 * bump * [1.0, 0.4] - 6.0 * ring * offset
     undescribed = 0
-    for frame in range(48):
+    for frame in range(60):
         share = 0.0 if frame < 12 else min(1.0, 0.5 + 0.1 * (frame - 12))
         grid = grid_of(model, flat, seed=frame)
         area_px2 = 300.0 * np.exp(0.25 * share * bump[:, 0])
@@ -491,7 +491,7 @@ def test_frames_that_the_sheet_of_the_file_does_not_describe_have_the_contacts_o
             (contact,), (twin,) = contacts.touching, expected.touching
             np.testing.assert_allclose(contact.centre_mm, twin.centre_mm, atol=0.1 * PITCH_MM)
             np.testing.assert_allclose(contact.centre_mm, [6.0, 4.0], atol=PITCH_MM)
-    assert undescribed > 10
+    assert undescribed > 20
 
 
 def test_an_estimator_that_is_used_directly_limits_blas_to_one_thread() -> None:
