@@ -266,10 +266,14 @@ class PadEstimator:
             guess = self.search.widened(model, self.fitter, guess, fit.residual_px, fit.weight)
             longer = self._if_better(model, fit, fit.patches.with_more(guess[None], Profile.DOME), measured)
         is_poor = fit.misfit > self.split_misfit * float((fit.weight > 0.0).sum())
-        if longer is None and is_poor and len(fit.patches) > 0:
-            tried = [self._if_better(model, fit, each, measured) for each in halved_or_wider(fit.patches)]
-            longer = min(filter(None, tried), key=lambda each: each.misfit, default=None)
-        return longer
+        if not is_poor or len(fit.patches) == 0:
+            return longer
+        tried = [self._if_better(model, fit, each, measured) for each in halved_or_wider(fit.patches)]
+        return min(filter(None, [longer, *tried]), key=self._cost, default=None)
+
+    def _cost(self, fit: PadFit) -> float:
+        """Misfit of a fit, with the least gain of each of its contacts."""
+        return fit.misfit + self.start_gain * len(fit.patches)
 
     def _if_better(
         self, model: BondedPadModel, fit: PadFit, patches: Patches, measured: MeasuredImages
