@@ -1,4 +1,4 @@
-"""Compiled functions of `outlier_gate` and `uncalibrated.dot_area`: weights by neighbours, and a median."""
+"""Compiled functions that estimators share: weights by neighbours, motion without the view's, a median."""
 
 # ruff: noqa: PLR0917 - compiled functions take positional arguments
 
@@ -6,6 +6,9 @@ import numpy as np
 
 from manytouch.compilation import kernel, no_type_check
 from manytouch.values.arrays import Flags, Floats, Integers
+
+_NEGLIGIBLE = 1e-9  # of the stiffness of a motion of the view per marker, so that it is determined
+_LEAST_SCALE = 1e-3  # pitches, of the lengths at which markers lose their weight; a choice
 
 
 @kernel()
@@ -67,3 +70,84 @@ def neighbour_agreement(
         if far < 1.0:
             weight[m] = (1.0 - far * far) ** 2
     return weight
+
+
+@kernel()
+@no_type_check
+def solve_damped(matrix: Floats, damping: float, right: Floats) -> Floats:
+    """Solution (p,) of equations whose diagonal is increased by a share `damping`, by Cholesky's factor.
+
+    Args:
+        matrix: (p, p) symmetric; only its lower triangle is read.
+        damping: at least 0.
+        right: (p,).
+
+    Returns:
+        NaN where the matrix is not positive definite.
+    """
+    count = len(right)
+    factor, solution = np.empty((count, count)), right.copy()
+    for i in range(count):
+        for j in range(i + 1):
+            total = matrix[i, j] * (1.0 + damping) if i == j else matrix[i, j]
+            for k in range(j):
+                total -= factor[i, k] * factor[j, k]
+            factor[i, j] = np.sqrt(total) if i == j else total / factor[j, j]
+    for i in range(count):
+        for k in range(i):
+            solution[i] -= factor[i, k] * solution[k]
+        solution[i] /= factor[i, i]
+    for i in range(count - 1, -1, -1):
+        for k in range(i + 1, count):
+            solution[i] -= factor[k, i] * solution[k]
+        solution[i] /= factor[i, i]
+    return solution
+
+
+@kernel()
+@no_type_check
+def lengths_without_view(
+    view: Floats, moved: Floats, is_seen: Flags, refinements: int, reach: float
+) -> Floats:
+    """Lengths (m,) of displacements without the motion of the view, which is fitted to most of the markers.
+
+    Args:
+        view: (2, m, p) displacements along x and y for each parameter of a motion of the view.
+        moved: (m, 2) displacements, pitches; 0 where not seen.
+        is_seen: (m,) at least one.
+        refinements: rounds of weighting, at least one.
+        reach: length over the median length at which a marker has no weight.
+    """
+    axes, count, unknowns = view.shape
+    weight, length, known = np.empty(count), np.empty(count), np.empty(count)
+    for m in range(count):
+        weight[m] = 1.0 if is_seen[m] else 0.0
+    gram, pull = np.empty((unknowns, unknowns)), np.empty(unknowns)
+    for _ in range(refinements):
+        gram[:] = 0.0
+        pull[:] = 0.0
+        for i in range(unknowns):
+            gram[i, i] = _NEGLIGIBLE * count
+        for axis in range(axes):
+            for m in range(count):
+                for i in range(unknowns):
+                    part = weight[m] * view[axis, m, i]
+                    pull[i] += part * moved[m, axis]
+                    for j in range(i + 1):
+                        gram[i, j] += part * view[axis, m, j]
+        motion = solve_damped(gram, 0.0, pull)
+        seen = 0
+        for m in range(count):
+            x, y = moved[m, 0], moved[m, 1]
+            for i in range(unknowns):
+                x -= view[0, m, i] * motion[i]
+                y -= view[1, m, i] * motion[i]
+            length[m] = np.hypot(x, y)
+            if is_seen[m]:
+                known[seen] = length[m]
+                seen += 1
+        scale = reach * np.median(known[:seen]) + _LEAST_SCALE
+        for m in range(count):
+            far = length[m] / scale
+            weight[m] = (1.0 - far * far) ** 2 if is_seen[m] and far < 1.0 else 0.0
+    return length

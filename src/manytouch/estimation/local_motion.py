@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
+from manytouch.estimation.kernels import lengths_without_view
 from manytouch.geometry.neighbours import nearest_neighbours
 from manytouch.values.arrays import Mask, Points2, Scalars, read_only
 
@@ -119,7 +120,7 @@ class LocalMotion:
             std_mm: (m,) standard deviations of the displacements along an axis; None: not known.
         """
         moved = np.where(is_seen[:, None], displacement_mm, 0.0) / groups.pitch_mm
-        size = self._without_view(groups.view, moved, is_seen)
+        size = lengths_without_view(groups.view, moved, is_seen, self.refinements, self.reach)
         if std_mm is not None:
             beyond = std_mm - np.median(std_mm[is_seen])
             size = np.maximum(size - self.noise_stds * np.maximum(beyond, 0.0) / groups.pitch_mm, 0.0)
@@ -129,21 +130,6 @@ class LocalMotion:
         place = ((1.0 - self.exceeded_by) * seen).astype(np.int64)
         local = of_group[np.arange(len(of_group)), place]
         return np.asarray(np.where(2 * seen >= of_group.shape[1], np.nan_to_num(local), 0.0))
-
-    def _without_view(self, view: Float64[np.ndarray, "2 m p"], moved: Points2, is_seen: Mask) -> Scalars:
-        """(m,) lengths of displacements in pitches without the motion of the view."""
-        weight = is_seen.astype(np.float64)
-        size = np.zeros(len(moved))
-        negligible = 1e-9 * len(moved) * np.eye(view.shape[2])
-        for _ in range(self.refinements):
-            weighted = view * weight[:, None]
-            gram = np.tensordot(weighted, view, axes=([0, 1], [0, 1])) + negligible
-            motion = np.linalg.solve(gram, np.tensordot(weighted, moved.T, axes=([0, 1], [0, 1])))
-            residual = moved.T - view @ motion
-            size = np.hypot(residual[0], residual[1])
-            scale = self.reach * float(np.median(size[is_seen])) + 1e-3
-            weight = np.where(is_seen & (size < scale), (1.0 - (size / scale) ** 2) ** 2, 0.0)
-        return size
 
     def limits(self, memory: TouchMemory, std_pitch: float) -> tuple[float, float]:
         """Local motions in pitches above which anything has moved, and above which the sheet is touched."""

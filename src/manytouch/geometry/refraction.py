@@ -7,10 +7,11 @@ the layers is the lateral distance of point and camera is found by Newton's meth
 concave, so that the steps from s = 0 never overshoot.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from manytouch.compilation import kernel, no_type_check
 from manytouch.errors import SensorError
 from manytouch.geometry.camera import cam_from_sheet, project, ray
 from manytouch.values import Camera, Layout, Sensor, Sheet
@@ -20,8 +21,7 @@ MAX_STEPS = 30
 _TOLERANCE_MM = 1e-12
 
 
-@dataclass(frozen=True, slots=True)
-class _Layers:
+class _Layers(NamedTuple):
     """Indices of pad and window, and z of bonded face and outer face of the window, mm."""
 
     pad_index: float
@@ -93,8 +93,7 @@ def onto_plane_through_window(camera: Camera, sheet: Sheet, pixel: Points2, z_mm
     else:
         origin_mm, air_mm = _camera_below(camera, layers)
         tangent = np.hypot(slope[:, 0], slope[:, 1])
-        pad_mm = np.full(len(pixel), max(z_mm - layers.bonded_mm, 0.0))
-        sideways_mm, _ = _sideways(layers, air_mm, pad_mm, tangent)
+        sideways_mm = _lateral_way(layers, air_mm, max(z_mm - layers.bonded_mm, 0.0), tangent)
         scale = np.divide(sideways_mm, tangent, out=np.zeros_like(tangent), where=tangent > 0)
         lateral_mm = slope * scale[:, None]
     point_mm: Points3 = np.column_stack([origin_mm[:2] + lateral_mm, np.full(len(pixel), z_mm)])
@@ -125,28 +124,41 @@ def _camera_below(camera: Camera, layers: _Layers) -> tuple[np.ndarray, float]:
     return origin_mm, air_mm
 
 
+@kernel()
+@no_type_check
 def _tangent_in_air(layers: _Layers, air_mm: float, pad_mm: Scalars, distance_mm: Scalars) -> Scalars:
     """(n,) tangent of the angle in air at which rays from the camera meet points at these distances."""
-    tangent = np.zeros_like(distance_mm)
-    for _ in range(MAX_STEPS):
-        sideways_mm, slope_mm = _sideways(layers, air_mm, pad_mm, tangent)
-        missing_mm = distance_mm - sideways_mm
-        tangent = tangent + missing_mm / slope_mm
-        if not np.any(np.abs(missing_mm) > _TOLERANCE_MM * (1.0 + distance_mm)):
-            break
+    tangent = np.zeros(len(distance_mm))
+    for k in range(len(distance_mm)):
+        here = 0.0
+        for _ in range(MAX_STEPS):
+            sideways_mm, slope_mm = _sideways(layers, air_mm, pad_mm[k], here)
+            missing_mm = distance_mm[k] - sideways_mm
+            here += missing_mm / slope_mm
+            if not abs(missing_mm) > _TOLERANCE_MM * (1.0 + distance_mm[k]):
+                break
+        tangent[k] = here
     return tangent
 
 
-def _sideways(layers: _Layers, air_mm: float, pad_mm: Scalars, tangent: Scalars) -> tuple[Scalars, Scalars]:
-    """Lateral way of rays of this tangent in air up to the points, and its derivative, mm."""
-    squared = tangent * tangent
-    sideways_mm, slope_mm = air_mm * tangent, np.full_like(tangent, air_mm)
-    for index, height_mm in (
-        (layers.window_index, layers.bonded_mm - layers.outer_mm),
-        (layers.pad_index, pad_mm),
-    ):
-        square = index * index
-        root = np.sqrt(square + (square - 1.0) * squared)
-        sideways_mm = sideways_mm + height_mm * tangent / root
-        slope_mm = slope_mm + height_mm * square / root**3
+@kernel()
+@no_type_check
+def _lateral_way(layers: _Layers, air_mm: float, pad_mm: float, tangent: Scalars) -> Scalars:
+    """(n,) lateral way, mm, of rays of these tangents in air up to points at one height in the pad."""
+    sideways_mm = np.empty(len(tangent))
+    for k in range(len(tangent)):
+        sideways_mm[k], _ = _sideways(layers, air_mm, pad_mm, tangent[k])
+    return sideways_mm
+
+
+@kernel()
+@no_type_check
+def _sideways(layers: _Layers, air_mm: float, pad_mm: float, tangent: float) -> tuple[float, float]:
+    """Lateral way of a ray of this tangent in air up to a point, and its derivative, mm."""
+    window_square, pad_square = layers.window_index * layers.window_index, layers.pad_index * layers.pad_index
+    window_mm, squared = layers.bonded_mm - layers.outer_mm, tangent * tangent
+    window_root = np.sqrt(window_square + (window_square - 1.0) * squared)
+    pad_root = np.sqrt(pad_square + (pad_square - 1.0) * squared)
+    sideways_mm = tangent * (air_mm + window_mm / window_root + pad_mm / pad_root)
+    slope_mm = air_mm + window_mm * window_square / window_root**3 + pad_mm * pad_square / pad_root**3
     return sideways_mm, slope_mm

@@ -14,6 +14,7 @@ from jaxtyping import Float64
 
 from manytouch.blas_threads import limit_blas_threads
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
+from manytouch.estimation.kernels import median_where
 from manytouch.estimation.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
 from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.pad.image_error import ImageError, MeasuredImages
@@ -107,8 +108,8 @@ class PadEstimator:
         split_misfit: misfit per image coordinate above which the widest contact may be two, or wider.
         merge_gain: least increase of the misfit if two near contacts were one, over that per degree of
             freedom (at least 1).
-        same_share: change of the markers' displacements over the largest of them below which a fit is not
-            repeated with the weights that follow from it.
+        same_share: change of the marker images over their displacement, root mean squares, up to which the
+            weights and the guesses of the frame before are used.
     """
 
     nominal_pad: NominalPad = field(default_factory=NominalPad)
@@ -309,7 +310,7 @@ class PadEstimator:
         )
         moved_mm = state.model.pitch_mm / state.model.pitch_px * moved_px
         local_pitch = float(self.local_motion(state.groups, moved_mm, grid.is_seen).max())
-        noise_pitch = float(np.sqrt(np.median(noise_px2[grid.is_seen]))) / state.model.pitch_px
+        noise_pitch = float(np.sqrt(median_where(noise_px2, grid.is_seen))) / state.model.pitch_px
         return MeasuredImages(
             moved_px=moved_px,
             gate=gate,
@@ -322,22 +323,24 @@ class PadEstimator:
     def _fit(
         self, model: BondedPadModel, patches: Patches, measured: MeasuredImages, moved_mm: Points3
     ) -> PadFit:
-        """Patches for guesses, first with the weights for displacements (m, 3) of the markers.
+        """Patches for guesses, with the weights for displacements (m, 3) of the markers or for fitted ones.
 
         The parameters of the pad are fitted last: before, they would explain what is wrong with the guesses.
         """
         images = self._images(model, measured, moved_mm)
-        if len(patches) == 0:
-            return self.fitter(model, patches, *images)
-        for _ in range(2):
-            fit = self.fitter(
+        if len(patches) > 0 and not self._is_same(model, measured, moved_mm):
+            rough = self.fitter(
                 model, patches, *images, is_sheet_known=True, with_covariance=False, is_rough=True
             )
-            patches, again_mm = fit.patches, fit.marker_mm(model)
-            if np.abs(again_mm - moved_mm).max() <= self.same_share * np.abs(again_mm).max():
-                break
-            moved_mm, images = again_mm, self._images(model, measured, again_mm)
+            patches, images = rough.patches, self._images(model, measured, rough.marker_mm(model))
         return self.fitter(model, patches, *images)
+
+    def _is_same(self, model: BondedPadModel, measured: MeasuredImages, moved_mm: Points3) -> bool:
+        """Whether the marker images are nearly those of displacements (m, 3)."""
+        linear_px = np.einsum("mij,mj->mi", model.slope_px, moved_mm)
+        change_px2 = ((measured.moved_px - linear_px) ** 2).sum(axis=1)
+        most_px2 = self.same_share**2 * (linear_px**2).sum(axis=1)
+        return bool(measured.gate @ change_px2 <= measured.gate @ most_px2)
 
     def _images(
         self, model: BondedPadModel, measured: MeasuredImages, moved_mm: Points3

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from manytouch.compilation import kernel, no_type_check
+from manytouch.estimation.kernels import median_where
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.regions.footprints import Footprint, Footprints
 from manytouch.estimation.mechanics.regions.outlines import polygon_area, within_rectangle
@@ -55,6 +57,8 @@ class PadShape:
     face_mm: Points3
 
 
+@kernel()
+@no_type_check
 def large_strain(depth_mm: Scalars, thickness_mm: float) -> Scalars:
     """Depth of a pad under the load that gives a linear one this depth.
 
@@ -62,13 +66,17 @@ def large_strain(depth_mm: Scalars, thickness_mm: float) -> Scalars:
     neo-Hookean column with (l^-2 - l) / 3 = d / h for its stretch l above it; their mean is within 3 % of 3-D
     solutions for a ball with the radius of the thickness, to depths of .4 thicknesses.
     """
-    strain = np.clip(depth_mm / thickness_mm, 0.0, 10.0)  # what is deeper has no more meaning
-    stretch = np.exp(-strain)
-    for _ in range(6):  # Newton's method
-        off = (stretch**-2 - stretch) / 3.0 - strain
-        stretch = stretch + off / ((2.0 * stretch**-3 + 1.0) / 3.0)
-    pressed = thickness_mm * (1.0 - 0.5 * (np.exp(-strain) + stretch))
-    return np.where(depth_mm > 0.0, pressed, depth_mm)
+    pressed = depth_mm.copy()
+    for k in range(len(depth_mm)):
+        if not depth_mm[k] > 0.0:
+            continue
+        strain = min(depth_mm[k] / thickness_mm, 10.0)  # what is deeper has no more meaning
+        logarithmic = stretch = np.exp(-strain)
+        for _ in range(6):  # Newton's method
+            off = (stretch**-2 - stretch) / 3.0 - strain
+            stretch += off / ((2.0 * stretch**-3 + 1.0) / 3.0)
+        pressed[k] = thickness_mm * (1.0 - 0.5 * (logarithmic + stretch))
+    return pressed
 
 
 def pad_shape(model: BondedPadModel, fit: PadFit) -> PadShape:
@@ -319,8 +327,8 @@ def _unresolved_depth(model: BondedPadModel, parameters: np.ndarray, profile: in
 
 def _noise_px(fit: PadFit) -> float:
     """Median standard deviation of the marker images of a frame."""
-    used = fit.weight[fit.weight > 0.0]
-    return float(1.0 / np.sqrt(np.median(used))) if len(used) else np.nan
+    is_used = fit.weight > 0.0
+    return float(1.0 / np.sqrt(median_where(fit.weight, is_used))) if is_used.any() else np.nan
 
 
 def _clusters(model: BondedPadModel, fit: PadFit) -> Clusters:

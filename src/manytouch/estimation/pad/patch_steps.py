@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from manytouch.compilation import REORDER, kernel, no_type_check
+from manytouch.estimation.kernels import solve_damped
 from manytouch.estimation.pad.patch_forces import FORCE, PARAMETER_COUNT, RADIAL_SHEAR, SHEAR_X, add_scaled
 from manytouch.estimation.pad.patch_kernels import CENTRE_X, CENTRE_Y, ROOT_XX, ROOT_YX, ROOT_YY
 from manytouch.estimation.pad.patch_slopes import PatchPad, add_image, fill_slopes
@@ -251,31 +252,6 @@ def _slopes(theta: Float64[np.ndarray, " p"], count: int, problem: Problem, work
 
 @kernel()
 @no_type_check
-def _solve_damped(
-    curved: Float64[np.ndarray, "p p"], damping: float, pull: Float64[np.ndarray, " p"]
-) -> Float64[np.ndarray, " p"]:
-    """Solution of the damped equations by Cholesky's factor; NaN where they are not positive definite."""
-    count = len(pull)
-    factor, step = np.empty((count, count)), pull.copy()
-    for i in range(count):
-        for j in range(i + 1):
-            total = curved[i, j] * (1.0 + damping) if i == j else curved[i, j]
-            for k in range(j):
-                total -= factor[i, k] * factor[j, k]
-            factor[i, j] = np.sqrt(total) if i == j else total / factor[j, j]
-    for i in range(count):
-        for k in range(i):
-            step[i] -= factor[i, k] * step[k]
-        step[i] /= factor[i, i]
-    for i in range(count - 1, -1, -1):
-        for k in range(i + 1, count):
-            step[i] -= factor[k, i] * step[k]
-        step[i] /= factor[i, i]
-    return step
-
-
-@kernel()
-@no_type_check
 def _limit(
     theta: Float64[np.ndarray, " p"], moved: Float64[np.ndarray, " p"], count: int, limits: Limits
 ) -> None:
@@ -320,7 +296,7 @@ def iterate(
         _slopes(theta, count, problem, work)
         before = now
         for _ in range(_TRIALS):
-            step = _solve_damped(work.curved, damping, work.pull)
+            step = solve_damped(work.curved, damping, work.pull)
             if step @ work.pull < limits.least_gain:  # no smaller step reduces the misfit by as much
                 break
             moved = theta + step
