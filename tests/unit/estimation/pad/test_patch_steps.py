@@ -31,6 +31,52 @@ def residuals(theta: np.ndarray, state: PadState, measured_px: np.ndarray, weigh
     return np.concatenate([np.sqrt(weight) * (measured_px - image), value, motion / MOTION_STD])
 
 
+def prior_values(parameters: np.ndarray, state: PadState) -> np.ndarray:
+    """Differences of the parameters of a contact from those expected, in deviations, as `PatchPrior` says."""
+    prior, thickness_mm = FITTER.prior, state.model.thickness_mm
+    x, y, xx, yx, yy, press, shear_x, shear_y, torque, radial = parameters
+    root = np.array([[xx, 0.0], [yx, yy]])
+    size, axes = np.linalg.eigh(root @ root.T)
+    mean = (size[0] * size[1]) ** 0.25
+    radius_mm = np.cbrt(
+        0.75 * press * (1.0 - state.model.poisson**2) * prior.usual_radius * thickness_mm
+    )  # H. Hertz 1882; the root of the second moment is that over the root of 5
+    usual = np.clip(radius_mm / np.sqrt(5.0), *(limit * thickness_mm for limit in prior.root_limits))
+    stretch = 0.5 * np.log(size[1] / size[0]) / prior.stretch_spread
+    twice = 2.0 * np.arctan2(axes[1, 1], axes[0, 1])
+    friction = prior.friction * press
+    radial_std = np.hypot(prior.radial_friction, prior.radial_growth * mean / thickness_mm)
+    wide_mm, high_mm = state.model.patch.size_mm
+    return np.array(
+        [
+            np.log(mean / usual) / prior.root_spread,
+            stretch * np.cos(twice),
+            stretch * np.sin(twice),
+            shear_x / friction,
+            shear_y / friction,
+            torque / (friction * np.sqrt(size.sum())),
+            (radial - prior.radial_mean) / radial_std,
+            x / wide_mm,
+            y / high_mm,
+        ]
+    )
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_prior_is_that_of_its_description(pad_state: PadState, seed: int) -> None:
+    parameters = TRUE * np.random.default_rng(seed).uniform(0.6, 1.4, PARAMETER_COUNT)
+    parameters[3] *= 3.0  # an oblong contact
+    numbers = FITTER.prior.numbers(pad_state.model)
+    value, slope = np.empty(9), np.empty((9, PARAMETER_COUNT))
+    prior_terms(parameters, numbers, value, slope)
+    np.testing.assert_allclose(value, prior_values(parameters, pad_state), rtol=1e-9)
+    for number in range(PARAMETER_COUNT):
+        step = np.zeros(PARAMETER_COUNT)
+        step[number] = 1e-6
+        up, down = (prior_values(parameters + sign * step, pad_state) for sign in (1.0, -1.0))
+        np.testing.assert_allclose(slope[:, number], (up - down) / 2e-6, atol=1e-5)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_the_fit_is_the_least_squares_of_scipy(pad_state: PadState, seed: int) -> None:
     chance = np.random.default_rng(seed)
