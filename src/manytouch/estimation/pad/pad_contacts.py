@@ -37,6 +37,10 @@ _CENTRE_DEPTH = (0.75 * np.pi / np.sqrt(5.0), 1.0, np.sqrt(0.5))
 its second moment."""
 _RING_ROOTS = (1.0, 1.0, np.sqrt(2.0))
 """Radius at which a patch of each profile may be deeper than at its centre, in roots of its second moment."""
+_STICKING_ROOTS = (np.sqrt(10.0 / 3.0), np.sqrt(8.0 / 3.0), 0.0)
+"""Radius at which the mean lateral displacement by a patch of each profile is that of a rigid object that
+sticks and has the same shear, in roots of its second moment; 0 for a rim, inside which it is nearly
+constant."""
 _RING = np.array([[0.0, 0.0]] + [[np.cos(angle), np.sin(angle)] for angle in 2.0 * np.pi * np.arange(8) / 8])
 
 
@@ -249,14 +253,19 @@ def _depth(
 ) -> tuple[float, Float64[np.ndarray, "8 p"], Float64[np.ndarray, "3"]]:
     """Largest depth of a contact; derivatives of `ESTIMATES`; displacement of its centre.
 
-    The derivatives are by the parameters of the contact, then by those of the pad. Areas have none.
+    The derivatives are by the parameters of the contact, then by those of the pad. Areas have none. An object
+    that sticks moves the face alike everywhere, unlike a shear in proportion to the pressure. By the
+    reciprocity of E. Betti 1872, it moves it by the mean of the latter, weighted with its own shear,
+    1 / sqrt(a^2 - r^2) on a disc of radius a on a half-space: to second order in r, the mean at
+    r = sqrt(2 / 3) a.
     """
     parameters, profile = fit.patches.parameters[number], int(fit.patches.profile[number])
     root = np.array([[parameters[ROOT_XX], 0.0], [parameters[ROOT_YX], parameters[ROOT_YY]]])
-    place_mm = np.ascontiguousarray(parameters[:2] + _RING_ROOTS[profile] * _RING @ root.T)
-    node, value = _basis(model, place_mm)
+    rings = np.concatenate([_RING_ROOTS[profile] * _RING, _STICKING_ROOTS[profile] * _RING[1:]])
+    node, value = _basis(model, parameters[:2] + rings @ root.T)
     moved_mm = np.einsum("kn,kni->ki", value, shape.coefficient_mm[node])
-    deepest = int(np.argmin(moved_mm[:, 2]))
+    deepest = int(np.argmin(moved_mm[: len(_RING), 2]))
+    centre_mm = np.array([*moved_mm[len(_RING) :, :2].mean(axis=0), moved_mm[0, 2]])
     linear_mm = -float(value[deepest] @ shape.linear_mm[node[deepest], 2])
     plain_mm = _unresolved_depth(model, parameters, profile) if deepest == 0 else 0.0
     linear_mm += plain_mm
@@ -280,7 +289,7 @@ def _depth(
     for parameter, estimate in enumerate(("normal_force", "shear_x", "shear_y", "torque"), FORCE):
         slope[ESTIMATES.index(estimate), parameter] = 1.0
     slope[0, CENTRE_X] = slope[1, CENTRE_Y] = 1.0
-    return depth_mm, slope, moved_mm[0]
+    return depth_mm, slope, centre_mm
 
 
 def _on_pad(footprint: Footprint, model: BondedPadModel) -> Footprint:

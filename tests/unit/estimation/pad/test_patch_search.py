@@ -1,4 +1,4 @@
-"""Widths and profiles of contacts that are chosen for presses of the suite, also sudden ones."""
+"""Contacts that are found for presses of the suite: their widths and profiles, and where they show."""
 
 from dataclasses import replace
 
@@ -16,19 +16,23 @@ from manytouch.evaluation.suite.pads.recording import pad_states
 from manytouch.evaluation.suite.sensors import exact_sensor
 from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.simulator import Simulator
-from manytouch.values import Sensor, TrackedGrid
+from manytouch.values import Sensor, TrackedGrid, Truth
 
 ESTIMATE = PadEstimator()
 LONGER = PadEstimator(nominal_pad=NominalPad(element_thickness=0.5))
 """Its elements are half a thickness long instead of a third."""
 
 
-def grid_of(case: OwnPadCase, state: int, seed: int = 1) -> TrackedGrid:
-    """The markers in one of the three states of a press."""
+def truth_of(case: OwnPadCase, state: int) -> Truth:
+    """What is true in one of the three states of a press."""
     markers, _ = pad_states(case)[state]
     scene = SolidScene(name="press", time_s=np.array([0.0, 1.0]), states=(markers, markers), duration_s=1.0)
-    truth = Simulator(sensor=true_pad(case), scene=scene).truth(0)
-    return grid_at(truth.grid.position_px, noise_px=0.03, seed=seed)
+    return Simulator(sensor=true_pad(case), scene=scene).truth(0)
+
+
+def grid_of(case: OwnPadCase, state: int, seed: int = 1) -> TrackedGrid:
+    """The markers in one of the three states of a press."""
+    return grid_at(truth_of(case, state).grid.position_px, noise_px=0.03, seed=seed)
 
 
 def with_usual_deviations(sensor: Sensor) -> Sensor:
@@ -137,3 +141,14 @@ def test_a_punch_that_sticks_is_not_taken_for_a_weak_ring(estimate: PadEstimator
         _, _, contacts = estimate.step(started, grid_at(position_px, noise_px=0.02, seed=seed))
         (found,) = contacts.touching
         assert found.force_N[2] == pytest.approx(markers.contacts[0].force_N[2], rel=0.25)
+
+
+@pytest.mark.parametrize("name", ["ball-4-mm-dragged", "fingertip-dragged"])
+def test_the_centre_of_an_object_that_drags_the_face_shows_where_it_is(name: str) -> None:
+    (case,) = (each for each in pads("pads") if each.name == name)
+    state = LONGER.start(exact_sensor(true_pad(case)))
+    for number in range(3):
+        state, _, contacts = LONGER.step(state, grid_of(case, number))
+    (found,), (true,) = contacts.touching, truth_of(case, 2).contacts.touching
+    away_px = np.linalg.norm(found.centre_px - true.centre_px)
+    assert away_px < 0.15 * state.model.pitch_px / state.model.pitch_mm
