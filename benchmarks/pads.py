@@ -126,7 +126,7 @@ def main() -> None:
     options = parser.parse_args()
     estimate, random = PadEstimator(), np.random.default_rng(5)
     if options.linear:
-        estimate = PadEstimator(pad_contacts=PadContacts(stiffening=0.0))
+        estimate = PadEstimator(pad_contacts=PadContacts(stiffening=0.0, sticking=0.0))
     rows: dict[bool, list[Row]] = {True: [], False: []}
     for case in pads("pads"):
         if options.only not in case.name or not (case.looked_at or options.held_out):

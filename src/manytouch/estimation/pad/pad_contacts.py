@@ -16,13 +16,22 @@ from manytouch.estimation.pad.patch_fit import PadFit, forced, misfit_scale
 from manytouch.estimation.pad.patch_forces import (
     FORCE,
     PARAMETER_COUNT,
+    RADIAL_SHEAR,
     SHEAR_X,
     SHEAR_Y,
     TORQUE,
     fill_basis,
     fill_effects,
 )
-from manytouch.estimation.pad.patch_kernels import CENTRE_X, CENTRE_Y, ROOT_XX, ROOT_YX, ROOT_YY, SHAPE
+from manytouch.estimation.pad.patch_kernels import (
+    CENTRE_X,
+    CENTRE_Y,
+    ROOT_XX,
+    ROOT_YX,
+    ROOT_YY,
+    SHAPE,
+    Profile,
+)
 from manytouch.geometry.refraction import project_through_window
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values import ESTIMATES, Contact, Phase
@@ -116,8 +125,11 @@ class PadContacts:
         stiffening: by how much the normal force of a large strain exceeds that of the linear pad, over it,
             where the depth is one thickness; proportional to the depth. Chosen for the least mean error over
             3-D solutions with depths to .4 thicknesses and Poisson's ratios of .47 to .49: balls that slide
-            need 0, edges and rings .5 to .8, bodies that stick 1 to 2, and the markers do not show which of
-            them presses.
+            need 0, edges and rings .5 to .8.
+        sticking: by how much more it exceeds that under an object that sticks, which hinders the pad from
+            spreading; chosen likewise, on nine presses with friction.
+        sticking_shear: radial shear up to which an object slides, and from which on it sticks. A pressure
+            that is flat is left out: the same radial shear stands for one that is larger at its rim.
         large_strain: standard deviation of depth and normal force by large strains, over their values, where
             the depth is one thickness; proportional to the depth.
         wide: standard deviation of depth and normal force of wide contacts, over their values, where the mean
@@ -138,6 +150,8 @@ class PadContacts:
     depth_pitch: float = 0.002
     force_share: float = 0.05
     stiffening: float = 0.35
+    sticking: float = 0.6
+    sticking_shear: tuple[float, float] = (-0.06, -0.16)
     large_strain: float = 0.3
     wide: float = 0.8
     shear_share: float = 0.02
@@ -155,6 +169,14 @@ class PadContacts:
     def _unexplained(self, share: float, strain: float, width: float) -> float:
         """Relative deviation that the model does not explain, for lengths in thicknesses."""
         return float(np.linalg.norm((share, self.large_strain * strain, 0.5 * self.wide * width**2)))
+
+    def _sticking(self, parameters: Float64[np.ndarray, "10"], profile: int) -> tuple[float, float]:
+        """What an object adds to `stiffening`, and the derivative of that by its radial shear."""
+        slides, sticks = self.sticking_shear
+        share = float((parameters[RADIAL_SHEAR] - slides) / (sticks - slides))
+        if profile == Profile.FLAT or share <= 0.0:
+            return 0.0, 0.0
+        return self.sticking * min(share, 1.0), self.sticking / (sticks - slides) if share < 1.0 else 0.0
 
     def surface_covariance(
         self, model: BondedPadModel, fit: PadFit, found: Sequence[Contact], shape: PadShape, is_seen: Mask
@@ -180,12 +202,14 @@ class PadContacts:
     ) -> Contact:
         parameters = fit.patches.parameters[number]
         depth_mm, slope, moved_mm = _depth(model, fit, shape, number)
-        per_mm = self.stiffening / model.thickness_mm
+        sticking, by_radial = self._sticking(parameters, int(fit.patches.profile[number]))
+        per_mm = (self.stiffening + sticking) / model.thickness_mm
         stiffer = 1.0 + per_mm * max(depth_mm, 0.0)
         centre_mm, press_mm2 = parameters[:2], stiffer * float(parameters[FORCE])
         slope[_NORMAL] *= stiffer
         if depth_mm > 0.0:
             slope[_NORMAL] += parameters[FORCE] * per_mm * slope[_DEPTH]
+            slope[_NORMAL, RADIAL_SHEAR] += parameters[FORCE] * by_radial * depth_mm / model.thickness_mm
         part = np.r_[
             PARAMETER_COUNT * number : PARAMETER_COUNT * (number + 1),
             PARAMETER_COUNT * len(fit.patches) + MOTIONS : len(fit.covariance),

@@ -92,7 +92,7 @@ def test_the_force_grows_over_the_linear_one_with_the_depth(pad_state: PadState)
     fit = PadEstimator().fit_frame(pad_state, grid_at(pressed_px(pad_state, ONE), noise_px=0.01, seed=0))
     shape = pad_shape(pad_state.model, fit)
     (linear,), (stiff,) = (
-        PadContacts(stiffening=value)(pad_state.model, fit, shape) for value in (0.0, 0.35)
+        PadContacts(stiffening=value, sticking=0.0)(pad_state.model, fit, shape) for value in (0.0, 0.35)
     )
     assert linear.normal_force_over_E_mm2 == pytest.approx(float(fit.force_mm2[0]))
     ratio = 1.0 + 0.35 * linear.depth_mm / THICKNESS_MM
@@ -100,6 +100,30 @@ def test_the_force_grows_over_the_linear_one_with_the_depth(pad_state: PadState)
     assert stiff.force_N[2] == pytest.approx(ratio * linear.force_N[2])
     assert stiff.std("normal_force") > linear.std("normal_force")
     np.testing.assert_allclose(stiff.force_N[:2], linear.force_N[:2])
+
+
+@pytest.mark.parametrize(
+    ("radial", "profile", "share"),
+    [
+        (0.05, Profile.DOME, 0.0),
+        (-0.11, Profile.DOME, 0.5),
+        (-0.3, Profile.DOME, 1.0),
+        (-0.3, Profile.RIM, 1.0),
+        (-0.3, Profile.FLAT, 0.0),
+    ],
+)
+def test_the_force_of_an_object_that_sticks_grows_more(
+    pad_state: PadState, radial: float, profile: Profile, share: float
+) -> None:
+    model = pad_state.model
+    fit = PadEstimator().fit_frame(pad_state, grid_at(pressed_px(pad_state, ONE), noise_px=0.01, seed=0))
+    parameters = fit.patches.parameters.copy()
+    parameters[0, RADIAL_SHEAR] = radial
+    fit = replace(fit, patches=patches(parameters, profile))
+    shape = pad_shape(model, fit)
+    (found,) = PadContacts(stiffening=0.2, sticking=0.6)(model, fit, shape)
+    ratio = 1.0 + (0.2 + share * 0.6) * found.depth_mm / THICKNESS_MM
+    assert found.normal_force_over_E_mm2 == pytest.approx(ratio * float(fit.force_mm2[0]))
 
 
 def test_two_contacts_are_two(pad_state: PadState) -> None:
