@@ -11,7 +11,7 @@ from hypothesis import settings
 from threadpoolctl import threadpool_limits
 
 import type_checks
-from started_once import states_started_once
+from computed_once import computed_once
 
 # Other conftest modules import the package before options are known, so this is no option.
 if os.environ.get("CHECK_TYPES"):
@@ -58,12 +58,12 @@ def pytest_runtest_setup() -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def equal_states_are_started_once() -> Iterator[None]:
+def equal_results_are_computed_once() -> Iterator[None]:
     """Where the tests import the estimators; others need not load them."""
     if "manytouch.estimation" not in sys.modules:
         yield
         return
-    with states_started_once():
+    with computed_once():
         yield
 
 
