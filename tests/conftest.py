@@ -2,7 +2,8 @@
 
 import gc
 import os
-from collections.abc import Generator
+import sys
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import settings
 from threadpoolctl import threadpool_limits
 
 import type_checks
+from computed_once import computed_once
 
 # Other conftest modules import the package before options are known, so this is no option.
 if os.environ.get("CHECK_TYPES"):
@@ -53,6 +55,16 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup() -> None:
     type_checks.begin_test()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def equal_results_are_computed_once() -> Iterator[None]:
+    """Where the tests import the estimators; others need not load them."""
+    if "manytouch.estimation" not in sys.modules:
+        yield
+        return
+    with computed_once():
+        yield
 
 
 @pytest.hookimpl(trylast=True)

@@ -20,7 +20,8 @@ from beartype import beartype
 from jaxtyping import jaxtyped
 
 PACKAGE = "manytouch"
-FIRST_CALLS = 20  # of each function in each test
+FIRST_CALLS = 20  # of each function, in the first tests that call it
+FIRST_CALLS_AGAIN = 5  # in each later test
 EVERY = 100  # of the later calls
 
 
@@ -38,17 +39,19 @@ def begin_test() -> None:
 def check(function: Callable[..., Any]) -> Callable[..., Any]:
     """A function that checks the arguments and the result of some of the calls of another one."""
     checked: Callable[..., Any] | None = None
-    test = calls = 0
+    test = calls = total = first = 0
 
     @functools.wraps(function)
     def call(*arguments: Any, **named: Any) -> Any:
-        nonlocal checked, test, calls
+        nonlocal checked, test, calls, total, first
         __tracebackhide__ = True
         if test != _Test.number:
             test, calls = _Test.number, 0
+            first = FIRST_CALLS if total < FIRST_CALLS else FIRST_CALLS_AGAIN
         calls += 1
-        if calls > FIRST_CALLS and calls % EVERY:
+        if calls > first and calls % EVERY:
             return function(*arguments, **named)
+        total += 1
         if checked is None:
             checked = _compiled(function)
         if inspect.isgeneratorfunction(function):

@@ -55,7 +55,17 @@ def test_each_test_and_each_function_begins_again():
     assert accepted(one, first + 1) == [first + 1]
     assert accepted(other, first) == []
     type_checks.begin_test()
-    assert accepted(one, first) == []
+    again = type_checks.FIRST_CALLS_AGAIN
+    assert accepted(one, first) == list(range(again + 1, first + 1))
+    type_checks.begin_test()
+    assert accepted(one, first) == list(range(again + 1, first + 1))
+
+
+def test_a_function_that_few_calls_have_checked_is_checked_as_often_as_at_first():
+    checked, first = type_checks.check(doubled), type_checks.FIRST_CALLS
+    assert accepted(checked, first - 1) == []
+    type_checks.begin_test()
+    assert accepted(checked, first) == []
 
 
 def test_a_wrong_result_is_refused_too():

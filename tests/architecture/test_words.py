@@ -21,28 +21,29 @@ SUFFIXES = {".py", ".md", ".js", ".html", ".css"}
 LIST = ROOT / "docs" / "word-list.toml"
 
 
-def entries() -> list[tuple[re.Pattern[str], list[re.Pattern[str]], str]]:
-    """Pattern of whole words (parts of identifiers count), standard uses to skip, and the replacement."""
-    listed = tomllib.loads(LIST.read_text(encoding="utf-8"))["word"]
-    return [
-        (
-            re.compile(rf"(?<![a-z])(?:{each['pattern']})(?![a-z])", re.IGNORECASE),
-            [re.compile(skip, re.IGNORECASE) for skip in each.get("except", ())],
-            each["instead"],
-        )
-        for each in listed
-    ]
+def whole_words(pattern: str) -> str:
+    """A pattern of whole words; parts of identifiers count."""
+    return rf"(?<![a-z])(?:{pattern})(?![a-z])"
 
 
-ENTRIES = entries()
-ANY = re.compile("|".join(pattern.pattern for pattern, _, _ in ENTRIES), re.IGNORECASE)
-"""Lines without it, nearly all of them, need no further search."""
+LISTED = tomllib.loads(LIST.read_text(encoding="utf-8"))["word"]
+ENTRIES = [
+    (
+        re.compile(whole_words(each["pattern"]), re.IGNORECASE),
+        [re.compile(skip, re.IGNORECASE) for skip in each.get("except", ())],
+        each["instead"],
+    )
+    for each in LISTED
+]
+"""Pattern, standard uses to skip, and the replacement."""
+ANY = re.compile(whole_words("|".join(each["pattern"] for each in LISTED)))
+"""Lines without it in lower case, nearly all of them, need no further search."""
 
 
 def offences(text: str) -> list[str]:
     found = []
     for number, line in enumerate(text.splitlines(), 1):
-        if not ANY.search(line):
+        if not ANY.search(line.lower()):
             continue
         for pattern, skips, instead in ENTRIES:
             rest = line

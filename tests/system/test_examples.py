@@ -20,11 +20,12 @@ def example(name: str) -> dict[str, object]:
     return runpy.run_path(str(EXAMPLES / f"{name}.py"))
 
 
+@pytest.mark.parametrize("fps", [5.0, pytest.param(10.0, marks=pytest.mark.slow)])
 def test_read_the_simulated_sensor(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    fps: float, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With fewer frames than the example has."""
-    monkeypatch.setattr(manytouch, "open_source", partial(manytouch.open_source, fps=10.0))
+    monkeypatch.setattr(manytouch, "open_source", partial(manytouch.open_source, fps=fps))
     error_mm = example("read_the_simulated_sensor")["main"]()
     assert error_mm < 1.0
     assert "truth" in capsys.readouterr().out
@@ -82,18 +83,22 @@ GALLERY = {  # what each example returns, from and to
     "soft_object": (1.4, 2.2),  # ratio of the radii
     "two_fingers": (0.0, 0.3),  # mm
 }
-QUICK = "calibrate"  # of the simulated sensor with a quarter of its pixels
+QUICK = "calibrate"  # of a simulated sensor with fewer pixels
 
 
 @pytest.mark.parametrize(
-    ("name", "is_small"),
-    [(QUICK, True), *(pytest.param(name, False, marks=pytest.mark.slow) for name in GALLERY)],
+    ("name", "width_px"),
+    [
+        (QUICK, 800),
+        pytest.param(QUICK, 1280, marks=pytest.mark.slow),
+        *(pytest.param(name, None, marks=pytest.mark.slow) for name in GALLERY),
+    ],
 )
 def test_an_example_of_the_gallery_draws_its_picture_and_is_right(
-    name: str, is_small: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, width_px: int | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if is_small:
-        small = simulated_source("one", width_px=1280)
+    if width_px:
+        small = simulated_source("one", width_px=width_px)
         monkeypatch.setattr(manytouch, "open_source", {"sim:one": small}.__getitem__)
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pyplot.switch_backend("Agg")

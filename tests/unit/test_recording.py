@@ -158,6 +158,13 @@ def recorded(
     return path, seen, live
 
 
+PNG_UNLESS_SLOW = pytest.mark.parametrize(
+    "recorded",
+    [pytest.param(True, marks=pytest.mark.slow, id="jpeg"), pytest.param(False, id="png")],
+    indirect=True,
+)
+
+
 def test_sensors_and_contacts_come_back_to_the_last_bit(recorded: tuple[Path, Seen, Live]) -> None:
     _, seen, live = recorded
     for value in (live.sensor, seen.readings[30].contacts, seen.readings[30].surface, seen.readings[0].grid):
@@ -214,6 +221,7 @@ def test_a_rate_can_be_given_instead_of_the_recorded_times(recorded: tuple[Path,
     assert open_source(recorded[0]).fps == pytest.approx(200.0)
 
 
+@PNG_UNLESS_SLOW
 def test_another_method_reads_the_same_frames(recorded: tuple[Path, Seen, Live], tmp_path: Path) -> None:
     path, _, _ = recorded
     playback = Playback(path, method="paper")
@@ -238,6 +246,7 @@ def test_recorded_readings_are_compared_with_new_ones(recorded: tuple[Path, Seen
     assert Playback(path, method="paper").comparison(4000) is None
 
 
+@PNG_UNLESS_SLOW
 def test_another_method_can_be_chosen_while_it_is_shown(recorded: tuple[Path, Seen, Live]) -> None:
     path, seen, _ = recorded
     playback = Playback(path)
@@ -298,6 +307,7 @@ def test_other_programs_read_it_in_well_known_schemas(recorded: tuple[Path, Seen
         assert deepest["contacts"][0]["depth_mm"] > 0
 
 
+@PNG_UNLESS_SLOW
 def test_a_file_that_was_cut_off_is_good_up_to_there(
     recorded: tuple[Path, Seen, Live], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

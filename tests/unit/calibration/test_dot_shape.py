@@ -25,7 +25,9 @@ def picture(stretch: float, *, noise: float = 3.0) -> tuple[np.ndarray, np.ndarr
     return np.clip(noisy, 0, 255).astype(np.uint8), centre
 
 
-@pytest.mark.parametrize("stretch", [0.75, 1.0, 1.333])
+@pytest.mark.parametrize(
+    "stretch", [0.75, *(pytest.param(each, marks=pytest.mark.slow) for each in (1.0, 1.333))]
+)
 def test_the_ratio_is_that_of_the_drawn_dots(stretch: float) -> None:
     image, centre = picture(stretch)
     found = height_over_width(image, GREY, centre, np.full(len(centre), RADIUS_PX))

@@ -95,8 +95,8 @@ def held_for_long(index: int) -> float:
 @pytest.mark.parametrize(
     ("press_of", "provenance"),
     [
-        (held_at_first, {}),
         (held_for_long, {"nominal": True}),
+        pytest.param(held_at_first, {}, marks=pytest.mark.slow),
         pytest.param(held_for_long, {}, marks=pytest.mark.slow),
         pytest.param(held_at_first, {"nominal": True}, marks=pytest.mark.slow),
     ],
@@ -153,7 +153,7 @@ def test_a_camera_and_pictures_are_calibrated_on_their_first_frames() -> None:
     assert candidate_frames(gel(), source, first).frames is first
 
 
-@pytest.mark.parametrize("press_of", [held_at_first, held_for_long])
+@pytest.mark.parametrize("press_of", [held_at_first, pytest.param(held_for_long, marks=pytest.mark.slow)])
 def test_a_calibrated_pad_has_the_rest_of_the_whole_recording_when_it_is_processed(
     press_of: Callable[[int], float],
 ) -> None:

@@ -56,4 +56,6 @@ def test_a_design_is_written_with_all_its_files(found, tmp_path: Path, monkeypat
 
     casing = next(part for part in make_parts(found.sensor, "TPU", FEW_SCREWS) if part.name == "casing")
     step = build123d.import_step(tmp_path / "parts" / "casing.step")
-    assert step.volume == pytest.approx(make_mesh(casing.solid).volume_mm3, rel=1e-4)
+    mesh = make_mesh(casing.solid)
+    assert step.volume == pytest.approx(mesh.volume_mm3, rel=1e-4)
+    assert [*step.bounding_box().min] == pytest.approx(mesh.vertex_mm.min(axis=0), abs=0.02)

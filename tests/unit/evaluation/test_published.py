@@ -137,8 +137,9 @@ def test_the_presses_are_at_60_and_115_mm_and_in_no_group_of_the_suite() -> None
     assert first.group not in GROUPS
 
 
-def test_each_method_reads_the_press_where_it_is_with_its_ground_truth() -> None:
-    small = replace(places.presses()[0], width_px=640)
+@pytest.mark.parametrize("width_px", [400, pytest.param(640, marks=pytest.mark.slow)])
+def test_each_method_reads_the_press_where_it_is_with_its_ground_truth(width_px: int) -> None:
+    small = replace(places.presses()[0], width_px=width_px)
     deep = replace(small, deepest_mm=4.0)
     recording = simulate_case(deep, bumps(deep))
 

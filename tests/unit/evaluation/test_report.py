@@ -195,6 +195,7 @@ def test_json_survives_its_round_trip_and_agrees_with_the_page(
     assert sorted(path.name for path in written_page.parent.iterdir()) == ["report.html", "report.json"]
 
 
+@pytest.mark.slow
 def test_a_single_recording_makes_a_page_too(evaluation: Evaluation, monkeypatch: pytest.MonkeyPatch) -> None:
     (method, *_), (trial, *_) = evaluation.methods, evaluation.trials
     trial = replace(trial, case=None, comparisons=trial.comparisons[:1])
@@ -215,6 +216,9 @@ def test_nothing_that_touches_makes_a_page_too(sheet: Sheet) -> None:
     outline(page)
     assert "In no frame does anything touch" in page
     assert "No method gives a force here" in page
+    assert "1 recording" in page
+    assert "By group" not in page
+    assert "It took" not in page
 
 
 def test_a_folder_that_cannot_be_written_is_one_sentence(evaluation: Evaluation, tmp_path: Path) -> None:

@@ -244,7 +244,13 @@ def test_an_unseen_marker_leaves_out_only_the_quads_it_belongs_to():
     assert contacts.contacts == ()
 
 
-@pytest.mark.parametrize("formula", FORMULAS)
+@pytest.mark.parametrize(
+    "formula",
+    [
+        pytest.param(name, marks=[] if name in ("printed", "unit_quads") else [pytest.mark.slow])
+        for name in FORMULAS
+    ],
+)
 def test_deviations_are_the_observed_scatter(formula):
     of = sensor(distortion=(-0.1, 0.0, 0.0, 0.0, 0.0))
     random = np.random.default_rng(7)

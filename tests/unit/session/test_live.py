@@ -248,7 +248,7 @@ def test_a_parameter_changes_while_it_runs() -> None:
         ("paper", "estimate.formula", "printed"),
         pytest.param("paper", "interpolation.search_radius_pitch", 2.0, marks=pytest.mark.slow),
         pytest.param("paper", "track.gate_pitch", 0.45, marks=pytest.mark.slow),
-        ("paper", "detect.kernel_px", 5.0),
+        pytest.param("paper", "detect.kernel_px", 5.0, marks=pytest.mark.slow),
         pytest.param(
             "perimeter", "estimate.contact_finder.tracker.bridge_frames", 3.0, marks=pytest.mark.slow
         ),

@@ -156,7 +156,7 @@ class Waiting(Seeking):
         pytest.param("paper", "estimate.padding", "zero", marks=pytest.mark.slow),
         pytest.param("paper", "estimate.contact_depth_pitch", 0.3, marks=pytest.mark.slow),
         pytest.param("paper", "interpolation.iterations", 80.0, marks=pytest.mark.slow),
-        ("paper", "interpolation.power", 3.0),
+        pytest.param("paper", "interpolation.power", 3.0, marks=pytest.mark.slow),
         ("perimeter", "track.damping", 0.4),
     ],
 )
@@ -200,7 +200,7 @@ def found_in(reading: Reading) -> list[tuple[object, ...]]:
     ]
 
 
-@pytest.mark.parametrize("method", ["perimeter", "paper"])
+@pytest.mark.parametrize("method", ["perimeter", pytest.param("paper", marks=pytest.mark.slow)])
 def test_a_frame_has_the_same_contacts_after_a_jump_as_from_playing(pressed: Path, method: str) -> None:
     job = prepare(pressed, method=method)
     played = {reading.frame.index: found_in(reading) for reading in job.readings()}

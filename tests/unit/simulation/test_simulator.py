@@ -1,6 +1,7 @@
 """The simulated sensor: the truth is what the picture shows."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -9,11 +10,16 @@ from manytouch.geometry.camera import project
 from manytouch.geometry.refraction import project_through_window
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.render.discs import Look
+from manytouch.simulation.simulator import Simulator
 from manytouch.sources.simulated import simulated_source
 from manytouch.values import Phase
 
-SIMULATOR = simulated_source("fingers").simulator
 BUSY = 210
+
+
+@cache
+def fingers() -> Simulator:
+    return simulated_source("fingers").simulator
 
 
 def test_demo_sensor_scales_with_its_picture() -> None:
@@ -25,7 +31,7 @@ def test_demo_sensor_scales_with_its_picture() -> None:
 
 
 def test_truth_is_where_the_picture_shows_the_dots() -> None:
-    plain = replace(SIMULATOR, look=Look(ground=0.0, dot=255.0))
+    plain = replace(fingers(), look=Look(ground=0.0, dot=255.0))
     image = plain.frame(BUSY).image
     assert image is not None
     truth = plain.truth(BUSY)
@@ -38,14 +44,18 @@ def test_truth_is_where_the_picture_shows_the_dots() -> None:
         assert found == pytest.approx(truth.grid.position_px[marker], abs=0.01)
 
 
-PAD = simulated_source("pad", width_px=640).simulator
 TURNED, DRAGGED = 48, 40
 WAY_MM = np.array([0.2, 0.15])
 
 
+@cache
+def pad() -> Simulator:
+    return simulated_source("pad", width_px=640).simulator
+
+
 def test_dots_of_a_pad_are_seen_through_its_window() -> None:
     """Dark dots of the solved pad: centroids of the picture against the truth."""
-    plain = replace(PAD, look=Look(ground=255.0, dot=0.0))
+    plain = replace(pad(), look=Look(ground=255.0, dot=0.0))
     for index in (0, TURNED):
         image, truth = plain.frame(index).image, plain.truth(index)
         assert image is not None
@@ -59,32 +69,32 @@ def test_dots_of_a_pad_are_seen_through_its_window() -> None:
                 y - 15,
             ]
             assert found == pytest.approx(truth.grid.position_px[marker], abs=0.02)
-    assert PAD.sensor.sheet is not None
-    assert PAD.sensor.layout is not None
-    rest_mm = PAD.sensor.layout.rest_mm
-    dot_mm = rest_mm + PAD.scene.motion_of(np.ascontiguousarray(rest_mm[:, :2]))(TURNED / 30)
-    seen_px = project_through_window(PAD.sensor.camera, PAD.sensor.sheet, dot_mm)
+    assert pad().sensor.sheet is not None
+    assert pad().sensor.layout is not None
+    rest_mm = pad().sensor.layout.rest_mm
+    dot_mm = rest_mm + pad().scene.motion_of(np.ascontiguousarray(rest_mm[:, :2]))(TURNED / 30)
+    seen_px = project_through_window(pad().sensor.camera, pad().sensor.sheet, dot_mm)
     np.testing.assert_allclose(seen_px, truth.grid.position_px, atol=0.3)
-    assert np.abs(project(PAD.sensor.camera, dot_mm) - seen_px).max() > 15.0
+    assert np.abs(project(pad().sensor.camera, dot_mm) - seen_px).max() > 15.0
 
 
 def test_truth_of_a_pad_refers_to_its_contact_face() -> None:
-    ball, punch = PAD.truth(TURNED).contacts.touching
+    ball, punch = pad().truth(TURNED).contacts.touching
     assert 0.75 < ball.depth_mm < 0.8  # of the body 0.8, less what the penalty lets it enter
-    assert 0.6 * ball.depth_mm < -PAD.truth(TURNED).surface.displacement_mm[:, 2].min() < ball.depth_mm
+    assert 0.6 * ball.depth_mm < -pad().truth(TURNED).surface.displacement_mm[:, 2].min() < ball.depth_mm
     assert ball.force_N[0] > 0.1  # dragged along x, and turned
     assert ball.torque_Nmm > 0.05
     assert punch.force_N[2] < 0.0
     assert ball.centre_mm == pytest.approx([-3.0, -1.0], abs=0.2)
-    around_px = PAD.truth(TURNED).grid.position_px[[20, 21, 29, 30]]  # at (-4, -2) mm to (-2, 0) mm
+    around_px = pad().truth(TURNED).grid.position_px[[20, 21, 29, 30]]  # at (-4, -2) mm to (-2, 0) mm
     assert ball.centre_px == pytest.approx(around_px.mean(axis=0), abs=8.0)
 
 
 def test_the_contact_face_of_a_pad_moves_with_what_sticks_to_it() -> None:
     """A ball that goes by (0.2, 0.15) mm takes the face with it; the markers below lag by a third."""
-    truth = PAD.truth(DRAGGED)
+    truth = pad().truth(DRAGGED)
     (ball,) = truth.contacts.touching
-    sensor = PAD.sensor
+    sensor = pad().sensor
     assert sensor.sheet is not None
     assert sensor.sheet.marker_depth_mm is not None
     assert sensor.layout is not None
@@ -93,7 +103,7 @@ def test_the_contact_face_of_a_pad_moves_with_what_sticks_to_it() -> None:
     assert under.sum() == 4
     moved_mm = truth.surface.displacement_mm[under]
     assert moved_mm[:, :2].mean(axis=0) == pytest.approx(WAY_MM, abs=0.005)
-    dot_mm = PAD.scene.motion_of(np.ascontiguousarray(rest_mm[under, :2]))(DRAGGED / 30)
+    dot_mm = pad().scene.motion_of(np.ascontiguousarray(rest_mm[under, :2]))(DRAGGED / 30)
     assert np.linalg.norm(dot_mm[:, :2].mean(axis=0)) < 0.8 * np.linalg.norm(WAY_MM)
     np.testing.assert_allclose(truth.surface.position_mm, rest_mm + truth.surface.displacement_mm)
     there_mm = np.array([*(ball.centre_mm + WAY_MM), sensor.sheet.marker_depth_mm - ball.depth_mm])
@@ -104,8 +114,8 @@ def test_the_contact_face_of_a_pad_moves_with_what_sticks_to_it() -> None:
 def test_contacts_of_a_pad_press_it_and_end() -> None:
     """The ball stands at the face at 2 s while the punch raises it; the punch leaves at 2.8 s."""
     lives: dict[int, list[tuple[int, Phase]]] = {}
-    for index in range(PAD.frame_count):
-        for contact in PAD.truth(index).contacts.contacts:
+    for index in range(pad().frame_count):
+        for contact in pad().truth(index).contacts.contacts:
             lives.setdefault(contact.id, []).append((index, contact.phase))
             assert -contact.force_N[2] > 0.005
     ends = {id_: life[-1] for id_, life in lives.items()}
@@ -117,17 +127,17 @@ def test_contacts_of_a_pad_press_it_and_end() -> None:
 
 
 def test_nothing_moves_at_rest() -> None:
-    truth = SIMULATOR.truth(30)
+    truth = fingers().truth(30)
     assert truth.contacts.contacts == ()
     assert np.abs(truth.surface.displacement_mm).max() == 0
-    image = SIMULATOR.frame(30).image
+    image = fingers().frame(30).image
     assert image is not None
     assert image.shape == (720, 1280)
 
 
 def test_truth_has_forces_depths_and_places() -> None:
-    truth = SIMULATOR.truth(BUSY)
-    there = SIMULATOR.scene.contacts(BUSY / 30)
+    truth = fingers().truth(BUSY)
+    there = fingers().scene.contacts(BUSY / 30)
     assert [contact.id for contact in truth.contacts.touching] == sorted(there)
     assert len(there) == 4
     for contact in truth.contacts.touching:
@@ -144,7 +154,7 @@ def test_truth_has_forces_depths_and_places() -> None:
 def test_phases_start_move_and_end_once() -> None:
     lives: dict[int, list[Phase]] = {}
     last_force = {}
-    slow = replace(SIMULATOR, fps=15.0)
+    slow = replace(fingers(), fps=15.0)
     for index in range(slow.frame_count):
         for contact in slow.truth(index).contacts.contacts:
             lives.setdefault(contact.id, []).append(contact.phase)
@@ -158,10 +168,10 @@ def test_phases_start_move_and_end_once() -> None:
 
 def test_frames_repeat_with_the_seed_and_differ_in_noise() -> None:
     again = simulated_source("fingers").simulator
-    assert np.array_equal(SIMULATOR.frame(7).image, again.frame(7).image)
-    assert not np.array_equal(SIMULATOR.frame(7).image, SIMULATOR.frame(8).image)
+    assert np.array_equal(fingers().frame(7).image, again.frame(7).image)
+    assert not np.array_equal(fingers().frame(7).image, fingers().frame(8).image)
     other = simulated_source("fingers", seed=1).simulator
-    assert not np.array_equal(SIMULATOR.frame(7).image, other.frame(7).image)
+    assert not np.array_equal(fingers().frame(7).image, other.frame(7).image)
 
 
 def test_missing_markers_are_neither_shown_nor_seen() -> None:
@@ -170,13 +180,13 @@ def test_missing_markers_are_neither_shown_nor_seen() -> None:
     missing = np.zeros(600, dtype=bool)
     missing[[31, 400]] = True
     gappy = replace(
-        SIMULATOR, sensor=replace(sensor, layout=replace(sensor.layout, is_missing=missing)), faults=None
+        fingers(), sensor=replace(sensor, layout=replace(sensor.layout, is_missing=missing)), faults=None
     )
-    whole_px = np.rint(SIMULATOR.truth(5).grid.position_px[31]).astype(int)
+    whole_px = np.rint(fingers().truth(5).grid.position_px[31]).astype(int)
     grid = gappy.truth(5).grid
     assert np.array_equal(grid.is_seen, ~missing)
     assert np.isnan(grid.position_px[missing]).all()
-    image, whole = gappy.frame(5).image, SIMULATOR.frame(5).image
+    image, whole = gappy.frame(5).image, fingers().frame(5).image
     assert image is not None
     assert whole is not None
     assert image[whole_px[1], whole_px[0]] < 80
@@ -186,13 +196,13 @@ def test_missing_markers_are_neither_shown_nor_seen() -> None:
 def test_only_what_the_camera_sees_is_seen() -> None:
     sensor = demo_sensor(1280)
     camera = replace(sensor.camera, translation_mm=np.array([20.0, 0.0, 116.3]))
-    grid = replace(SIMULATOR, sensor=replace(sensor, camera=camera)).truth(4).grid
+    grid = replace(fingers(), sensor=replace(sensor, camera=camera)).truth(4).grid
     assert 0 < grid.is_seen.sum() < 600
     assert np.isfinite(grid.position_px).all(axis=1).tolist() == grid.is_seen.tolist()
 
 
 def test_a_sensor_without_layout_or_sheet_is_refused() -> None:
     with pytest.raises(ValueError, match="sheet"):
-        replace(SIMULATOR, sensor=replace(demo_sensor(), sheet=None))
+        replace(fingers(), sensor=replace(demo_sensor(), sheet=None))
     with pytest.raises(ValueError, match="layout"):
-        replace(SIMULATOR, sensor=replace(demo_sensor(), layout=None))
+        replace(fingers(), sensor=replace(demo_sensor(), layout=None))

@@ -83,7 +83,13 @@ def test_the_new_matrix_shows_only_what_the_camera_sees():
     assert np.all((back.reshape(-1, 2) > -1.5) & (back.reshape(-1, 2) < [WIDTH_PX + 0.5, HEIGHT_PX + 0.5]))
 
 
-@pytest.mark.parametrize("text", ["chessboard:8x5", "charuco:8x6", "circles:8x5", "circles-asymmetric:4x7"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("chessboard:8x5", "charuco:8x6", "circles-asymmetric:4x7"),
+        pytest.param("circles:8x5", marks=pytest.mark.slow),
+    ],
+)
 def test_a_board_is_found_where_it_is(text):
     board, camera = parse_board(text, 20.0), true_camera()
     pose = next(iter(poses(1, seed=3, board=board)))

@@ -31,7 +31,7 @@ def test_a_nominal_lattice_that_a_survey_sees_in_part_is_kept() -> None:
     ("name", "shape", "pitch_mm"),
     [
         pytest.param("gelsight_mini_grip/giraffe7.avi", (5, 7), 2.8, marks=pytest.mark.slow),
-        ("gelsight_mini_grip/ball7.avi", (5, 7), 2.8),
+        pytest.param("gelsight_mini_grip/ball7.avi", (5, 7), 2.8, marks=pytest.mark.slow),
         ("gsrobotics/mini_example.avi", (7, 10), 2.0),
     ],
 )

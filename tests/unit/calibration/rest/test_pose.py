@@ -301,7 +301,9 @@ def mounted(frames, camera, size_mm, *, outside=0.3, middle_mm=(0.0, 0.0), sides
     return found
 
 
-@pytest.mark.parametrize("outside", [0.3, 3.0], ids=["dark casing", "lit ledge"])
+@pytest.mark.parametrize(
+    "outside", [0.3, pytest.param(3.0, marks=pytest.mark.slow)], ids=["dark casing", "lit ledge"]
+)
 def test_the_clamp_line_is_found_where_the_sheet_is_seen_to_end(far_frames, outside):
     sensor = far_sensor()
     frames = mounted(far_frames, sensor.camera, (121.0, 83.0), outside=outside, middle_mm=(0.5, -0.4))

@@ -66,7 +66,7 @@ def test_a_recording_that_begins_pressed_has_the_rest_that_follows(touch: np.nda
     assert not found.sensor.rest_is_doubtful
 
 
-@pytest.mark.parametrize("touch", [GRIP, FAINT])
+@pytest.mark.parametrize("touch", [pytest.param(GRIP, marks=pytest.mark.slow), FAINT], ids=["grip", "faint"])
 def test_a_touch_that_is_never_interrupted_is_pressed_because_it_spreads(touch: np.ndarray) -> None:
     assert error_px(settled([(touch, 60), (FREE, 25)], touch).sensor) < 4.0 * NOISE_PX
     assert error_px(settled([(FREE, 25), (touch, 60)], FREE).sensor) < 4.0 * NOISE_PX

@@ -1,5 +1,7 @@
 """Dots found by the survey in images of all kinds, and images that are refused."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -165,6 +167,13 @@ def test_frames_without_image_or_dots_are_skipped() -> None:
     assert found.frame_index == 2
 
 
+NOTHING = (
+    *("black", "white", "noise", "clouds 2", "clouds 4", "clouds 8"),
+    *("stripes", "random circles", "five dots"),
+)
+
+
+@cache
 def nothing() -> dict[str, np.ndarray]:
     random = np.random.default_rng(0)
     pictures = {
@@ -186,8 +195,9 @@ def nothing() -> dict[str, np.ndarray]:
     return pictures
 
 
-@pytest.mark.parametrize("name", list(nothing()))
+@pytest.mark.parametrize("name", NOTHING)
 def test_images_without_dots_are_refused(name: str) -> None:
+    assert nothing().keys() == set(NOTHING)
     with pytest.raises(LayoutError, match=r"^no dots were found in .*expected"):
         survey([frame(nothing()[name])])
 

@@ -76,7 +76,9 @@ def rmse_mm(surface: Surface, solved) -> float:
     return float(np.sqrt(np.mean((-surface.displacement_mm[:, 2] - solved[-1][1]) ** 2)))
 
 
-@pytest.mark.parametrize("trouble", [{}, {"lost_share": 0.2}, {"outlier_share": 0.01}])
+@pytest.mark.parametrize(
+    "trouble", [pytest.param({}, marks=pytest.mark.slow), {"lost_share": 0.2}, {"outlier_share": 0.01}]
+)
 def test_depth_and_contacts_of_a_solid(solved, trouble: dict[str, float]) -> None:
     surface, contacts = last(solved, **trouble)
     assert surface.status == "ok"

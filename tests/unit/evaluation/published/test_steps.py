@@ -11,6 +11,7 @@ import pytest
 
 from drawn_source import DrawnSource
 from manytouch.errors import ManytouchError
+from manytouch.evaluation.published.steps import page as page_of_steps
 from manytouch.evaluation.published.steps.collect import PaperSteps, collect_steps
 from manytouch.evaluation.published.steps.page import figures, write_steps
 from manytouch.geometry.surface_sampling import sample
@@ -137,7 +138,12 @@ def test_where_markers_are_never_numbered_the_page_says_why(tmp_path: Path) -> N
     assert set(re.findall(r'src="([^"]+)\.png"', text)) == ALL
 
 
-def test_unit_quads_are_explained_by_one_of_them(tmp_path: Path) -> None:
+@pytest.mark.parametrize("is_drawn", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_unit_quads_are_explained_by_one_of_them(
+    is_drawn: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not is_drawn:
+        monkeypatch.setattr(page_of_steps, "draw_steps", lambda *_: [])
     job = prepare(DrawnSource(frames=30), method="paper", parameters={"estimate.formula": "unit_quads"})
     steps = replace(collect_steps(job, frame=29), true_depth_mm=1.25)
     text = write_steps(steps, tmp_path).read_text(encoding="utf-8")

@@ -59,7 +59,7 @@ def test_an_even_print_gets_no_advice(tmp_path: Path) -> None:
     assert "pitch differs" not in line
 
 
-@pytest.mark.parametrize("has_dots", [True, False])
+@pytest.mark.parametrize("has_dots", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_few_dots_that_the_first_frames_do_not_show_are_found(tmp_path: Path, has_dots: bool) -> None:
     for frame in range(0, 320, 4):
         image = moving_scene.picture(frame, has_dots=has_dots and frame >= 4 * START_FRAMES).image

@@ -142,8 +142,15 @@ def test_raw_images_of_several_encodings(tmp_path: Path) -> None:
         assert frame.image[30, 40].tolist() == expected
 
 
-@pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
-@pytest.mark.parametrize("make", [raw, compressed])
+@pytest.mark.parametrize(
+    ("make", "plugin"),
+    [
+        (raw, StoragePlugin.MCAP),
+        (compressed, StoragePlugin.SQLITE3),
+        pytest.param(raw, StoragePlugin.SQLITE3, marks=pytest.mark.slow),
+        pytest.param(compressed, StoragePlugin.MCAP, marks=pytest.mark.slow),
+    ],
+)
 def test_bags_of_ros(tmp_path: Path, plugin: StoragePlugin, make: Callable) -> None:
     folder = bag(tmp_path / "press", plugin, make)
     source = open_source(folder)
