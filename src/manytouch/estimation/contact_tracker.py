@@ -150,9 +150,8 @@ class ContactTracker:
                 reported.append(replace(track.contact, phase=Phase.END))
                 continue
             else:
-                continued = replace(
-                    track, contact=_kept(track.contact, track.unseen), unseen=track.unseen + 1
-                )
+                kept = _kept(track.contact, track.unseen, status)
+                continued = replace(track, contact=kept, unseen=track.unseen + 1)
             tracks.append(continued)
         assigned = set(partner.values())
         for number, contact in enumerate(found):
@@ -230,9 +229,19 @@ def _centre_variance_mm2(contact: Contact) -> float:
     return 0.5 * (contact.std("x") ** 2 + contact.std("y") ** 2)
 
 
-def _kept(contact: Contact, unseen: int) -> Contact:
-    """The contact in a frame that does not show it: the last values with an increased covariance."""
+def _kept(contact: Contact, unseen: int, status: Status) -> Contact:
+    """The contact in a frame that does not show it: the last values with an increased covariance.
+
+    A frame that is "ok" and does not show a contact shows that it has become weaker: depth, forces and area
+    are anything between 0 and their last values, whose mean squared difference from these is a third of
+    their square.
+    """
     growth = ((unseen + 2.0) / (unseen + 1.0)) ** 2
     covariance = growth * contact.covariance
+    if status is Status.OK:
+        shear_x_N, shear_y_N, press_N = *contact.force_N[:2], contact.normal_force_N
+        weaker = (contact.depth_mm, shear_x_N, shear_y_N, press_N, contact.torque_Nmm, contact.area_mm2)
+        last = np.nan_to_num([0.0, 0.0, *weaker])  # in the order of ESTIMATES
+        covariance += np.outer(last, last) / 3.0
     covariance.flags.writeable = False
     return replace(contact, phase=Phase.MOVE, covariance=covariance)

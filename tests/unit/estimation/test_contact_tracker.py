@@ -1,6 +1,7 @@
 """Identities over starts, gaps, crossings and ends."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -61,6 +62,24 @@ def test_a_short_gap_does_not_end_a_contact_but_a_long_one_does():
     tracked = track([here, here, [], [], here, [], [], []])
     assert phases(tracked) == [{}, {0: "start"}, *[{0: "move"}] * 5, {0: "end"}]
     assert tracked[2].contacts[0].std("x") > tracked[1].contacts[0].std("x")
+
+
+def test_a_contact_that_a_frame_does_not_show_may_have_any_smaller_force():
+    known = replace(
+        contact(5, 5, depth=2.0),
+        force_N=np.array([0.3, -0.4, -5.0]),
+        torque_Nmm=6.0,
+        covariance=0.01 * np.eye(8),
+    )
+    before, kept = (each.contacts[0] for each in track([[known], [known], []])[1:])
+    values = {"depth": 2.0, "shear_x": 0.3, "normal_force": 5.0, "torque": 6.0, "area": 20.0}
+    for name, value in values.items():
+        assert value / 2 < kept.std(name) < value, name  # 0 and all of it are within two deviations
+        assert before.std(name) == pytest.approx(0.1)
+    state = TRACKER.start(SENSOR)
+    for status, found in ((Status.OK, [known]), (Status.OK, [known]), (Status.DARK, [])):
+        state, dark = TRACKER.step(state, found, status=status)
+    assert dark.contacts[0].std("depth") == pytest.approx(0.2)  # a dark frame shows nothing
 
 
 def test_a_contact_that_left_an_unloaded_sheet_ends_at_once():

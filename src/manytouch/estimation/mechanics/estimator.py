@@ -246,10 +246,10 @@ class MechanicsEstimator:
     def fit_frame(self, state: MechanicsState, grid: TrackedGrid) -> Fit:
         """The shape of the sheet in the next frame."""
         measured_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
-        change_px, is_used = measured_px - state.shape.displacement_px, state.is_at_clamp & grid.is_seen
+        shape_px, is_used = state.shape.displacement_px, state.is_at_clamp & grid.is_seen
         for chosen in state.model.dots.of_views:
             measured_px[chosen] -= self.view_motion(
-                state.initial_reference_px[chosen], change_px[chosen], is_used[chosen]
+                state.initial_reference_px[chosen], measured_px[chosen], shape_px[chosen], is_used[chosen]
             )
         return self.gauss_newton(
             state.model,

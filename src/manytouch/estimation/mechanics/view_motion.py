@@ -2,8 +2,9 @@
 
 A camera that moves a little displaces all marker images alike. The clamp does not move, so that the markers
 next to it show this motion, whatever presses elsewhere: it is the shift, rotation and scale that fit their
-displacements beyond the shape of the previous frame best, with robust weights. A press that grows also moves
-them, but not alike; as much of the motion is used as it explains more than it leaves.
+displacements beyond the shape of the previous frame best, with robust weights. A press that grows, or a
+release, also moves them, largely along the displacements that the previous shape has already: a multiple of
+these is fitted too, and is no motion. As much of the motion is used as it explains more than both leave.
 """
 
 from dataclasses import dataclass
@@ -42,31 +43,34 @@ class ViewMotion:
         left_mm = 0.5 * np.array(model.patch.size_mm) - np.abs(place_mm)
         return np.asarray(left_mm.min(axis=1) <= self.rim_pitch * model.pitch_mm)
 
-    def __call__(self, rest_px: Points2, change_px: Points2, is_used: Mask) -> Points2:
+    def __call__(self, rest_px: Points2, moved_px: Points2, shape_px: Points2, is_used: Mask) -> Points2:
         """(m, 2) motion of all marker images.
 
         Args:
             rest_px: (m, 2) marker images at rest.
-            change_px: (m, 2) measured displacements minus those of the shape.
+            moved_px: (m, 2) measured displacements of the marker images.
+            shape_px: (m, 2) their displacements by the shape of the previous frame.
             is_used: (m,) seen markers next to the clamp.
         """
         if is_used.sum() < self.min_markers:
             return np.zeros_like(rest_px)
         centre_px = rest_px[is_used].mean(axis=0)
-        design, change = _rigid(rest_px[is_used] - centre_px), change_px[is_used]
-        found = _robust_fit(design, change, self.scale_stds, self.iterations)
-        fitted = (design @ found).reshape(-1, 2)
-        explained, left = (fitted**2).sum(), ((change - fitted) ** 2).sum()
-        share = max(1.0 - left / max(float(explained), 1e-12), 0.0)
-        return np.asarray(share * (_rigid(rest_px - centre_px) @ found).reshape(-1, 2))
+        design, change = _rigid(rest_px[is_used] - centre_px), (moved_px - shape_px)[is_used]
+        terms = np.column_stack([design, shape_px[is_used].ravel()])
+        found = _robust_fit(terms, change, self.scale_stds, self.iterations)
+        explained = float(np.square(design @ found[:4]).sum())
+        left = float(np.square(change.ravel() - terms @ found).sum())
+        share = max(1.0 - left / max(explained, 1e-12), 0.0)
+        return np.asarray(share * (_rigid(rest_px - centre_px) @ found[:4]).reshape(-1, 2))
 
 
 def _robust_fit(
-    design: Float64[np.ndarray, "rows 4"], change: Points2, scale_stds: float, iterations: int
-) -> Float64[np.ndarray, "4"]:
-    """Shift along x and y, rotation, and scale that fit displacements (m, 2) best, from their median on."""
+    design: Float64[np.ndarray, "rows 5"], change: Points2, scale_stds: float, iterations: int
+) -> Float64[np.ndarray, "5"]:
+    """Shift along x and y, rotation, scale, and the multiple of the previous shape that fit displacements
+    (m, 2) best, from their median on."""
     fitted = np.array([_median(change[:, axis]) for axis in range(2)])
-    found: Scalars = np.zeros(4)
+    found: Scalars = np.zeros(5)
     for _ in range(iterations):
         length = np.hypot(*(change - fitted).T)
         scale_px = max(1.4826 * _median(length) / np.sqrt(2.0), _MIN_SCALE_PX)

@@ -135,6 +135,21 @@ def test_a_small_motion_of_the_camera_is_no_force(model: InversionModel, motion:
     assert force[1] == pytest.approx(force[0], rel=0.03)
 
 
+@pytest.mark.parametrize("motion", [None, "shift", "scale"])
+def test_a_quick_release_leaves_no_depth_and_no_contact(model: InversionModel, motion: str | None) -> None:
+    """Also while the camera moves: a release moves the markers along the clamp too, and is no motion."""
+    shapes = [np.zeros((model.patch.node_count, 3))]
+    shapes += [bent(model, (-12.0, -6.0, press), (10.0, 5.0, 1.5 * press)) for press in (0.6, 0.6, 0.1)]
+    grids = [grid_of(model, shapes[k], seed=k) for k in (0, 1, 2, 3, 0, 0)]
+    if motion is not None:
+        grids[2:] = [moved(grid, motion) for grid in grids[2:]]
+    state, _, _ = read(grids[:4])
+    for grid in grids[4:]:
+        state, surface, contacts = ESTIMATE.step(state, grid)
+        assert not contacts.touching
+        assert np.abs(surface.displacement_mm[:, 2]).max() < 0.01
+
+
 def test_the_least_force_of_a_contact_moves_the_middle_by_a_hundredth_of_a_pitch() -> None:
     least = []
     for sheet in ({}, {"pretension_N_per_mm": 1.0}, {"thickness_mm": 2.0}):
