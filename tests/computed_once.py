@@ -42,6 +42,7 @@ def computed_once() -> Iterator[None]:
     from manytouch.estimation.load.load_contact_finder import LoadContactFinder
     from manytouch.estimation.mechanics.estimator import MechanicsEstimator
     from manytouch.estimation.mechanics.undescribed_frames import UndescribedFrames
+    from manytouch.estimation.pad import pad_model
     from manytouch.estimation.perimeter.estimator import PerimeterEstimator
     from manytouch.simulation.scene.deformation_file import read_deformations
     from manytouch.tracking import MarkerTracker
@@ -53,8 +54,7 @@ def computed_once() -> Iterator[None]:
             patches.enter_context(mock.patch.object(stage, "start", _once(stage.start)))
         patches.enter_context(mock.patch.object(detection, "survey", _once(detection.survey)))
         for name in ("manytouch.simulation.solve_scene", "manytouch.evaluation.suite.solutions"):
-            if name not in sys.modules:
-                continue
-            module = sys.modules[name]
-            patches.enter_context(mock.patch.object(module, "read_deformations", read))
+            if name in sys.modules:
+                patches.enter_context(mock.patch.object(sys.modules[name], "read_deformations", read))
+        patches.enter_context(mock.patch.object(pad_model, "pad_response", _once(pad_model.pad_response)))
         yield
