@@ -13,6 +13,12 @@ from unittest import mock
 KEPT = 40  # results of each function
 
 
+class _All:
+    """All functions whose results are kept."""
+
+    are_computed_again = False
+
+
 def _once(
     function: Callable[..., Any], key_of: Callable[..., Any] = lambda *each: each
 ) -> Callable[..., Any]:
@@ -21,6 +27,8 @@ def _once(
 
     @wraps(function)
     def found(*arguments: Any, **named: Any) -> Any:
+        if _All.are_computed_again:
+            return function(*arguments, **named)
         try:
             key = blake2b(pickle.dumps((key_of(*arguments), named))).digest()
         except (AttributeError, OSError):  # a part of them was made up by a test; there is no such file
@@ -42,6 +50,7 @@ def computed_once() -> Iterator[None]:
     from manytouch.estimation.load.load_contact_finder import LoadContactFinder
     from manytouch.estimation.mechanics.estimator import MechanicsEstimator
     from manytouch.estimation.mechanics.undescribed_frames import UndescribedFrames
+    from manytouch.estimation.pad import pad_model
     from manytouch.estimation.perimeter.estimator import PerimeterEstimator
     from manytouch.simulation.scene.deformation_file import read_deformations
     from manytouch.tracking import MarkerTracker
@@ -53,8 +62,17 @@ def computed_once() -> Iterator[None]:
             patches.enter_context(mock.patch.object(stage, "start", _once(stage.start)))
         patches.enter_context(mock.patch.object(detection, "survey", _once(detection.survey)))
         for name in ("manytouch.simulation.solve_scene", "manytouch.evaluation.suite.solutions"):
-            if name not in sys.modules:
-                continue
-            module = sys.modules[name]
-            patches.enter_context(mock.patch.object(module, "read_deformations", read))
+            if name in sys.modules:
+                patches.enter_context(mock.patch.object(sys.modules[name], "read_deformations", read))
+        patches.enter_context(mock.patch.object(pad_model, "pad_response", _once(pad_model.pad_response)))
         yield
+
+
+@contextmanager
+def computed_again() -> Iterator[None]:
+    """While it lasts, nothing that was computed before is used: for tests that states are values."""
+    _All.are_computed_again = True
+    try:
+        yield
+    finally:
+        _All.are_computed_again = False

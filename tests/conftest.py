@@ -11,7 +11,7 @@ from hypothesis import settings
 from threadpoolctl import threadpool_limits
 
 import type_checks
-from computed_once import computed_once
+from computed_once import computed_again, computed_once
 
 # Other conftest modules import the package before options are known, so this is no option.
 if os.environ.get("CHECK_TYPES"):
@@ -64,6 +64,13 @@ def equal_results_are_computed_once() -> Iterator[None]:
         yield
         return
     with computed_once():
+        yield
+
+
+@pytest.fixture
+def each_is_computed_again() -> Iterator[None]:
+    """For tests that states are values and depend on nothing else."""
+    with computed_again():
         yield
 
 

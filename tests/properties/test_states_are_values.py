@@ -69,6 +69,7 @@ class Course:
         self.results.append((detections, grid, surface, contacts))
 
 
+@pytest.mark.usefixtures("each_is_computed_again")
 @pytest.mark.parametrize(("method", "is_known"), [*((name, True) for name in METHODS), ("mechanics", False)])
 def test_interleaved_states_give_the_same_bits_as_separate_ones(method: str, is_known: bool) -> None:
     pipeline, sensor = pipeline_for(method), sensor_of(is_known=is_known)

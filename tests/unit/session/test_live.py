@@ -83,6 +83,7 @@ def run_live(
     return live, seen
 
 
+@pytest.mark.usefixtures("each_is_computed_again")
 def test_live_readings_have_the_bits_of_offline_ones() -> None:
     offline = Seen()
     run(prepare(DrawnSource()), [offline])
@@ -520,6 +521,7 @@ def test_the_error_of_a_slow_sink_is_raised_at_its_end() -> None:
     assert slow.is_closed
 
 
+@pytest.mark.usefixtures("each_is_computed_again")
 @pytest.mark.parametrize("method", ["perimeter", "paper"])
 def test_a_state_of_the_estimation_can_be_started_from_twice(method: str) -> None:
     job = prepare(DrawnSource(frames=24), method=method)

@@ -48,6 +48,7 @@ def test_the_default_scene_and_its_facts() -> None:
     assert not first.image.flags.writeable
 
 
+@pytest.mark.usefixtures("each_is_computed_again")
 def test_each_iteration_gives_the_same_bits() -> None:
     source = simulated_source("one", fps=1.0, width_px=320)
     pictures = [[frame.image for frame in source] for _ in range(2)]

@@ -250,6 +250,7 @@ def test_a_step_with_an_earlier_posterior_is_nearly_a_full_one(
     np.testing.assert_allclose(surface.displacement_mm, whole.displacement_mm, atol=0.15 * moved_mm)
 
 
+@pytest.mark.usefixtures("each_is_computed_again")
 def test_interleaved_states_give_the_same_bits_as_separate_ones(
     model: InversionModel, shape: np.ndarray
 ) -> None:

@@ -109,10 +109,15 @@ def test_annotated_pictures_have_every_frame(tmp_path, sensor, reading_of, as_vi
         assert [path.name for path in sorted(final.iterdir())] == ["000000.png", "000001.png", "000002.png"]
 
 
-def test_a_video_for_browsers_is_vp9_and_not_larger_than_it_may_be(tmp_path, sensor, reading_of):
+@pytest.mark.parametrize(
+    ("free", "limited"), [(8, 45), pytest.param(20, 60, marks=pytest.mark.slow)], ids=["short", "long"]
+)
+def test_a_video_for_browsers_is_vp9_and_not_larger_than_it_may_be(
+    tmp_path, sensor, reading_of, free, limited
+):
     av = pytest.importorskip("av")
     sizes = []
-    for frames, limit in ((20, None), (60, 6e5)):
+    for frames, limit in ((free, None), (limited, 6e5)):
         folder = tmp_path / str(frames)
         folder.mkdir()
         chance = np.random.default_rng(0)
