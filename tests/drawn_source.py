@@ -29,6 +29,7 @@ class DrawnSource:
         skips: indices that a live source has dropped.
         fails_at: index instead of which `error` is raised.
         change: applied to each frame, such as to move it.
+        is_images: whether the frames are single images.
         taken: indices that were read.
         pressed: commands that were received.
     """
@@ -44,6 +45,7 @@ class DrawnSource:
     width_px: int = 320
     height_px: int = 240
     change: Callable[[int, np.ndarray], np.ndarray] = lambda _, image: image
+    is_images: bool = False
     taken: list[int] = field(default_factory=list)
     pressed: list[Press | Release] = field(default_factory=list)
 
@@ -53,7 +55,7 @@ class DrawnSource:
 
     @property
     def capabilities(self) -> Capabilities:
-        return Capabilities(press=self.pressed.append)
+        return Capabilities(press=self.pressed.append, is_images=self.is_images)
 
     def __iter__(self) -> Iterator[Frame]:
         for index in range(self.frames):

@@ -177,8 +177,8 @@ def prepare(
         parameters: of the method, other than the defaults; see `pipeline_for`.
         camera: what to request of a camera; the size is the sensor's unless it is requested.
         whole_recording: without a sensor or with the file of a pad, take the stillest and most common
-            positions of the markers in the whole of a video as rest instead of those in its first frames; it
-            is then read twice.
+            positions of the markers in the whole of a video, or of images whose rate is known, as rest
+            instead of those in the first frames; it is then read twice.
         observer: gets messages.
 
     Returns:
@@ -192,9 +192,7 @@ def prepare(
     """
     limit_blas_threads()
     require_type("the input", input, (str, Path, int, Source), INPUT)
-    require_type(
-        "the sensor", sensor, (str, Path, Sensor, NoneType), "a Sensor, or the path of a sensor file"
-    )
+    require_type("the sensor", sensor, (str, Path, Sensor, NoneType), "a Sensor, or the path of its file")
     require_type("parameters", parameters, (Mapping, NoneType), "a dictionary of names and values")
     require_type("roi_px", roi_px, (Roi, NoneType), "manytouch.Roi(x_px, y_px, width_px, height_px)")
     if method is not None:
@@ -217,9 +215,10 @@ def prepare(
         found, first, frames = _determine_sensor(
             source, text, given, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px, spread=spread
         )
-        if spread is not None and known is None and source.capabilities.is_images:
+        is_unrelated = source.capabilities.is_images and source.fps is None  # a rate makes pictures a series
+        if spread is not None and known is None and is_unrelated:
             found = with_unrelated_pictures(found, spread(), roi_px)
-        elif spread is not None and not source.capabilities.is_images and _may_begin_pressed(given, known):
+        elif spread is not None and not is_unrelated and _may_begin_pressed(given, known):
             if observer is not None:
                 observer.on_message("reading the whole recording once, for the rest positions of its markers")
             settled = rest_of_recording(found, source, frame_count=source.frame_count, roi_px=roi_px)

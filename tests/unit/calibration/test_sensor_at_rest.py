@@ -165,6 +165,17 @@ def test_a_calibrated_pad_has_the_rest_of_the_whole_recording_when_it_is_process
     assert error_px(registered(whole_recording=True)) < 0.2
 
 
+def test_images_are_a_recording_where_their_rate_is_known() -> None:
+    """Others need not follow each other in time, so that their first ones are the rest."""
+
+    def registered(fps: float | None) -> Sensor:
+        source = replace(begins_pressed(160, held_at_first), is_images=True, fps=fps)
+        return prepare(source, sensor=gel(), whole_recording=True).sensor
+
+    assert error_px(registered(30.0)) < 0.2
+    assert error_px(registered(None)) > 5.0
+
+
 def test_a_calibrated_pad_keeps_the_first_frames_where_the_rest_would_be_doubtful() -> None:
     source = begins_pressed(60, lambda index: 0.0 if index < 15 else 0.4 * (index % 12))
     sensor = prepare(source, sensor=gel(), whole_recording=True).sensor
