@@ -142,7 +142,11 @@ def concatenate_trajectories(trajectories: list[Trajectory]) -> Trajectory:
     """
     time_s = np.concatenate([each.time_s for each in trajectories])
     if np.any(np.diff(time_s) <= 0.0):
-        raise ValueError("the motions of a body overlap in time")
+        raise ValueError(
+            f"the motions of a body overlap in time: it leaves the sheet for {APPROACH_S:g} s after each and "
+            f"comes back in the {APPROACH_S:g} s before the next, so there must be more than "
+            f"{2 * APPROACH_S:g} s between the end_s of one and the start_s of the next"
+        )
     return Trajectory(
         time_s=read_only(time_s),
         place_mm=read_only(np.concatenate([each.place_mm for each in trajectories])),

@@ -49,6 +49,11 @@ def test_ramps_must_fit_and_ways_must_follow_each_other() -> None:
         press_trajectory(1.0, 2.0, from_mm=(0.0, 0.0), depth_mm=1.0, ramp_s=0.6)
     with pytest.raises(ValueError, match="overlap"):
         concatenate_trajectories([PRESS, PRESS])
+    soon = press_trajectory(3.15, 4.0, from_mm=(0.0, 0.0), depth_mm=1.0, ramp_s=0.2)
+    with pytest.raises(
+        ValueError, match=r"more than 0\.2 s between the end_s of one and the start_s of the next"
+    ):
+        concatenate_trajectories([PRESS, soon])
     later = press_trajectory(4.0, 5.0, from_mm=(0.0, 0.0), depth_mm=1.0, ramp_s=0.2)
     assert concatenate_trajectories([PRESS, later]).at(np.array([4.5]))[0][0, 2] == 1.0
 
