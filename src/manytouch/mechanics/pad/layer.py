@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.special import jv, roots_legendre
 
+from manytouch.mechanics.pad.axes import lame_constants
 from manytouch.values.arrays import Scalars
 
 _WAVES = 700  # of the quadrature of `radial_table`
@@ -55,8 +56,7 @@ def layer_response(
         ZeroDivisionError: a Poisson's ratio of 1/2.
     """
     k, high, kappa = wave_per_mm, thickness_mm, 3.0 - 4.0 * poisson
-    shear = 0.5 / (1.0 + poisson)
-    first = 2.0 * shear * poisson / (1.0 - 2.0 * poisson)
+    lam, mu = lame_constants(poisson)
 
     def rows(z: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """U, W, U', W' of the four solutions, the first two over e^(k h)."""
@@ -69,8 +69,8 @@ def layer_response(
 
     u, w, _, _ = rows(0.0)
     u_face, w_face, du_face, dw_face = rows(high)
-    normal = first * (dw_face - k[:, None] * u_face) + 2.0 * shear * dw_face
-    tangential = shear * (du_face + k[:, None] * w_face)
+    normal = lam * (dw_face - k[:, None] * u_face) + 2.0 * mu * dw_face
+    tangential = mu * (du_face + k[:, None] * w_face)
     matrix = np.stack([u, w, tangential, normal], axis=1)
     right = np.zeros((len(k), 4, 2))
     right[:, 2, 0] = right[:, 3, 1] = 1.0
@@ -80,7 +80,7 @@ def layer_response(
     z = high - depth_mm
     across = (np.exp(k * (z - high)) - np.exp(-k * (z + high))) / (1.0 + np.exp(-2.0 * k * high))
     return LayerResponse(
-        across=across / (shear * k),
+        across=across / (mu * k),
         along=found_u[:, 0],
         normal=found_w[:, 1],
         squeezed=found_u[:, 1],
