@@ -21,6 +21,8 @@ import numpy as np
 
 from manytouch.estimation.pad.estimator import PadEstimator
 from manytouch.estimation.pad.pad_contacts import PadContacts
+from manytouch.estimation.pad.patch_forces import RADIAL_SHEAR
+from manytouch.estimation.pad.patches import Patches
 from manytouch.evaluation.suite.calibrated.pad_sensor import drawn_pad
 from manytouch.evaluation.suite.pads.cases import OwnPadCase, pads
 from manytouch.evaluation.suite.pads.pad_sensors import true_pad
@@ -83,8 +85,10 @@ def images_px(sensor: Sensor, markers: Deformation) -> np.ndarray:
     return Simulator(sensor=sensor, scene=scene).truth(0).grid.position_px
 
 
-def rows_of(case: OwnPadCase, level: float, state: Deformation, touching: tuple[Contact, ...]) -> list[Row]:
-    """Errors of the contacts of one state that were found, printed and returned."""
+def rows_of(
+    case: OwnPadCase, level: float, state: Deformation, touching: tuple[Contact, ...], patches: Patches
+) -> list[Row]:
+    """Errors of the contacts of one state that were found, printed with their radial shear and returned."""
     unit, rows = "N" if not case.press.bodies else "mm", []
     for true in state.contacts:
         label = f"{case.name:25} {level:5.2f} {unit:2}{'' if case.looked_at else ' held out':9}"
@@ -104,11 +108,14 @@ def rows_of(case: OwnPadCase, level: float, state: Deformation, touching: tuple[
             depth_stds=(found.depth_mm - true.depth_mm) / found.std("depth"),
         )
         rows.append(row)
+        nearest = np.linalg.norm(patches.parameters[:, :2] - found.centre_mm, axis=1).argmin()
+        radial = patches.parameters[nearest, RADIAL_SHEAR]
         print(
             f"{label} {press_N:8.3f} N {row.force:+6.1f} % ({row.force_stds:+.1f} std)  "
             f"centre {row.away_mm:.2f} mm  shear {row.shear:5.1f} % of "
             f"{100.0 * np.linalg.norm(true.force_N[:2]) / press_N:3.0f} %  "
-            f"depth {row.depth:+6.1f} % ({row.depth_stds:+.1f} std)  contacts {len(touching)}"
+            f"depth {row.depth:+6.1f} % ({row.depth_stds:+.1f} std)  "
+            f"radial {radial:+.2f}  contacts {len(touching)}"
         )
     return rows
 
@@ -139,7 +146,7 @@ def main() -> None:
             for _ in range(2):
                 before, _, contacts = estimate.step(before, grid_of(position_px, random))
             now = before
-            rows[case.looked_at] += rows_of(case, level, markers, contacts.touching)
+            rows[case.looked_at] += rows_of(case, level, markers, contacts.touching, before.patches)
     for looked_at, part in rows.items():
         if part:
             force, depth = (np.array([getattr(row, name) for row in part]) for name in ("force", "depth"))

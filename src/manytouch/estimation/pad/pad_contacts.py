@@ -127,7 +127,8 @@ class PadContacts:
             3-D solutions with depths to .4 thicknesses and Poisson's ratios of .47 to .49: balls that slide
             need 0, edges and rings .5 to .8.
         sticking: by how much more it exceeds that under an object that sticks, which hinders the pad from
-            spreading; chosen likewise, on nine presses with friction.
+            spreading; chosen likewise, on eight presses with friction, and not
+            confirmed on held-out ones.
         sticking_shear: radial shear up to which an object slides, and from which on it sticks. A pressure
             that is flat is left out: the same radial shear stands for one that is larger at its rim.
         large_strain: standard deviation of depth and normal force by large strains, over their values, where
