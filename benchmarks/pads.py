@@ -28,6 +28,7 @@ from manytouch.evaluation.suite.pads.cases import OwnPadCase, pads
 from manytouch.evaluation.suite.pads.pad_sensors import true_pad
 from manytouch.evaluation.suite.pads.recording import pad_states
 from manytouch.evaluation.suite.sensors import exact_sensor
+from manytouch.geometry.refraction import rest_px
 from manytouch.simulation.scene.deformation import Deformation
 from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.simulator import Simulator
@@ -140,9 +141,13 @@ def main() -> None:
             continue
         sensor = sensor_of(case)
         stated = drawn(sensor, case) if options.drawn else exact_sensor(sensor)
-        now = started = estimate.start(wrong(sensor) if options.wrong_file else stated)
+        given = wrong(sensor) if options.wrong_file else stated
+        assert given.layout is not None
+        # markers at rest are measured, whatever the file says
+        offset_px = rest_px(given, given.layout) - rest_px(sensor, given.layout)
+        now = started = estimate.start(given)
         for level, (markers, _) in zip(case.press.levels, pad_states(case), strict=True):
-            before, position_px = now if options.path else started, images_px(sensor, markers)
+            before, position_px = now if options.path else started, images_px(sensor, markers) + offset_px
             for _ in range(2):
                 before, _, contacts = estimate.step(before, grid_of(position_px, random))
             now = before

@@ -13,6 +13,8 @@ def describe(calibration: SheetCalibration) -> Iterator[str]:
     sheet, std = calibration.sheet, calibration.std
     if "thickness_std_mm" in std:
         yield f"thickness {sheet.thickness_mm:.3f} ± {std['thickness_std_mm']:.3f} mm"
+    if "marker_depth_std_mm" in std:
+        yield f"depth of the markers {sheet.marker_depth_mm:.3f} ± {std['marker_depth_std_mm']:.3f} mm"
     if "outline_std_mm" in std:
         width_mm, height_mm = sheet.size_mm.tolist()
         yield f"outline {width_mm:.2f} x {height_mm:.2f} mm, each side ± {std['outline_std_mm']:.2f} mm"

@@ -1,8 +1,9 @@
-"""Young's modulus of a bonded pad from presses with known forces.
+"""Young's modulus, thickness and depth of the markers of a bonded pad from presses with known forces.
 
 Each press is estimated as in use, by `PadEstimator`; its normal force over E and the reading of the scale
-give E. What Poisson's ratio and the thickness change of the normal force is thus part of E. Shear hardly
-depends on Poisson's ratio, so that weights on a tilted sensor show whether both forces have the same E.
+give E. What Poisson's ratio changes of the normal force is thus part of E: nearly the same for all presses.
+Shear hardly depends on Poisson's ratio, so that weights on a tilted sensor show whether both forces have the
+same E.
 """
 
 from collections.abc import Sequence
@@ -13,10 +14,10 @@ import numpy as np
 from manytouch.calibration.sheet.calibrate import MAX_OFFSET_MM, SheetCalibration
 from manytouch.calibration.sheet.fit import KnownPress
 from manytouch.calibration.sheet.modulus_check import modulus_warnings, require_determined
+from manytouch.calibration.sheet.pad_fit import fit_pad
 from manytouch.errors import SensorError
 from manytouch.estimation import PadEstimator
-from manytouch.geometry.refraction import rest_px
-from manytouch.values import Contact, Sensor, TrackedGrid
+from manytouch.values import Contact, Sensor
 
 LEAST_FORCES = 2
 """Fewest presses with a known force."""
@@ -34,7 +35,7 @@ with less, errors of the tilt count for more."""
 
 
 def calibrate_pad(sensor: Sensor, presses: Sequence[KnownPress]) -> SheetCalibration:
-    """Fit Young's modulus to presses.
+    """Fit Young's modulus, thickness and depth of the markers to presses.
 
     Args:
         sensor: with layout and a bonded sheet.
@@ -52,57 +53,30 @@ def calibrate_pad(sensor: Sensor, presses: Sequence[KnownPress]) -> SheetCalibra
             f"a pad needs {LEAST_FORCES} presses or more with a force in N: "
             "add normal_force_N to the table of presses"
         )
-    estimator = PadEstimator()
-    state = estimator.start(sensor)
-    at_rest_px = rest_px(sensor, layout)
-    found, residual_px = [], []
-    for press in presses:
-        grid = _grid(press, at_rest_px)
-        fit = estimator.fit_frame(state, grid)
-        _, _, contacts = estimator.step(state, grid)
-        if not contacts.touching:
-            raise SensorError(
-                f"{press.name} shows no contact: press harder, or check that its time and recording are right"
-            )
-        found.append(
-            min(contacts.touching, key=lambda each: float(np.linalg.norm(each.centre_mm - press.place_mm)))
-        )
-        residual_px.append(float(np.sqrt(np.mean(fit.residual_px[np.repeat(press.is_seen, 2)] ** 2))))
-    over_E_mm2 = np.array([contact.normal_force_over_E_mm2 for contact in found])
-    read = np.array([np.nan if press.force_N is None else press.force_N for press in presses])
-    log_young = np.log(read / over_E_mm2)
-    known = np.flatnonzero(np.isfinite(log_young))
-    mean = float(log_young[known].mean())
-    leave_one_out_error = np.full(len(presses), np.nan)
-    without = (log_young[known].sum() - log_young[known]) / (len(known) - 1)
-    leave_one_out_error[known] = np.exp(without - log_young[known]) - 1.0
-    scatter = float(np.hypot(log_young[known].std(ddof=1) / np.sqrt(len(known)), MODEL_SHARE))
-    std = max(scatter, float(np.sqrt(np.mean((without - log_young[known]) ** 2))))
-    young_MPa = float(np.exp(mean))
-    require_determined(presses, young_MPa, std * young_MPa, leave_one_out_error)
+    fit = fit_pad(PadEstimator(), sensor, presses)
+    error = np.expm1(fit.leave_one_out)
+    least = float(np.sqrt(np.nanmean(fit.leave_one_out**2)))
+    std = max(float(np.hypot(fit.log_young_std, MODEL_SHARE)), least)
+    young_MPa, contacts = float(np.exp(fit.log_young)), fit.pressed.contacts
+    require_determined(presses, young_MPa, std * young_MPa, error)
+    poisson = PadEstimator().nominal_pad.poisson if sheet.poisson is None else sheet.poisson
+    deviations = {
+        "young_std_MPa": std * young_MPa,
+        "thickness_std_mm": fit.sheet.thickness_std_mm,
+        "marker_depth_std_mm": fit.sheet.marker_depth_std_mm,
+    }
     return SheetCalibration(
-        sheet=replace(sheet, young_MPa=young_MPa, young_std_MPa=std * young_MPa, poisson=state.model.poisson),
-        std={"young_std_MPa": std * young_MPa},
+        sheet=replace(fit.sheet, young_MPa=young_MPa, young_std_MPa=std * young_MPa, poisson=poisson),
+        std={name: value for name, value in deviations.items() if value},
         undetermined=(),
         warnings=(
-            *_warnings(presses, found),
-            *_shear_warnings(presses, found, young_MPa, std),
-            *modulus_warnings(sheet, young_MPa, std * young_MPa, leave_one_out_error),
+            *_warnings(presses, contacts),
+            *_shear_warnings(presses, contacts, young_MPa, std),
+            *modulus_warnings(sheet, young_MPa, std * young_MPa, error),
         ),
-        force_over_E_mm2=over_E_mm2,
-        residual_px=np.array(residual_px),
-        leave_one_out_error=leave_one_out_error,
-    )
-
-
-def _grid(press: KnownPress, at_rest_px: np.ndarray) -> TrackedGrid:
-    """The markers during a press."""
-    seen = press.is_seen
-    return TrackedGrid(
-        position_px=np.where(seen[:, None], at_rest_px + press.displacement_px, np.nan),
-        covariance_px2=np.where(seen[:, None, None], press.noise_px**2 * np.eye(2), np.nan),
-        is_seen=seen,
-        frames_unseen=np.where(seen, 0, 1).astype(np.int64),
+        force_over_E_mm2=fit.pressed.force_over_E_mm2,
+        residual_px=fit.pressed.residual_px,
+        leave_one_out_error=error,
     )
 
 

@@ -10,7 +10,7 @@ from manytouch.estimation.pad.pad_model import BondedPadModel
 from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter, misfit_scale
 from manytouch.estimation.pad.patch_forces import PARAMETER_COUNT
 from manytouch.estimation.pad.patch_kernels import ROOT_XX, ROOT_YY, SHAPE, Profile
-from manytouch.estimation.pad.patches import Patches, joined, near_groups
+from manytouch.estimation.pad.patches import Patches, joined, near_groups, widened
 from manytouch.values.arrays import Mask, Points2, Scalars, read_only
 
 _COLUMNS = 3  # normal force, shear x, shear y
@@ -142,21 +142,24 @@ def _guess(centre_mm: np.ndarray, root_mm: float, load: np.ndarray) -> Float64[n
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ProfileChoice:
-    """Tries other profiles for the pressures of wide contacts, and near contacts as one with each profile.
+    """Tries other profiles of wide contacts, narrow contacts as wide ones, and near contacts as one.
 
     Attributes:
-        gain: least reduction of the misfit by another profile of a contact, and largest growth by near
-            contacts as one, over the misfit per degree of freedom with it (at least 1).
+        gain: least reduction of the misfit by another profile or width of a contact, and largest growth by
+            near contacts as one, over the misfit per degree of freedom with it (at least 1).
         root: least root of the second moment, in thicknesses, of a contact whose profile may be another than
             a dome; the markers hardly show that of narrower ones.
+        wider: width of the guess with which a narrower contact is tried as a wide one, over its own. Between
+            markers, a narrow contact may be another minimum of the misfit.
     """
 
     gain: float = 15.0
     root: float = 0.35
+    wider: float = 4.0
 
     def applies(self, model: BondedPadModel, patches: Patches) -> bool:
         """Whether there is anything to try."""
-        return len(self._wide(model, patches)) > 0 or len(near_groups(patches)) > 0
+        return len(patches) > 0
 
     def __call__(
         self, model: BondedPadModel, fitter: PatchFitter, fit: PadFit, linear_px: Float64[np.ndarray, " r"]
@@ -177,6 +180,9 @@ class ProfileChoice:
         tried = []
         for number in self._wide(model, fit.patches):
             tried += _with_others(fitted, before, number)
+        if before.misfit > self.gain:
+            narrow = set(range(len(fit.patches))).difference(self._wide(model, fit.patches))
+            tried += [fitted(widened(fit.patches, number, self.wider)[Profile.DOME]) for number in narrow]
         for group in near_groups(fit.patches):
             one = fitted(joined(fit.patches, group))
             tried += [one, *_with_others(fitted, one, len(one.patches) - 1)]

@@ -93,7 +93,7 @@ def near_groups(patches: Patches) -> list[tuple[int, ...]]:
 def halved_or_wider(patches: Patches) -> list[Patches]:
     """The guesses with the widest patch as two, and with it `_WIDER` times as wide, with each profile."""
     widest = int(np.argmax((patches.parameters[:, ROOT_XX:SHAPE] ** 2).sum(axis=1)))
-    return [_halved(patches, widest), *_widened(patches, widest)]
+    return [_halved(patches, widest), *widened(patches, widest, _WIDER)]
 
 
 def _halved(patches: Patches, number: int) -> Patches:
@@ -113,13 +113,13 @@ def _halved(patches: Patches, number: int) -> Patches:
     return patches.without(number).with_more(halves, Profile.DOME)
 
 
-def _widened(patches: Patches, number: int) -> list[Patches]:
-    """The guesses with one patch `_WIDER` times as wide as the mean of its roots, with each profile.
+def widened(patches: Patches, number: int, times: float) -> list[Patches]:
+    """The guesses with one patch `times` as wide as the mean of its roots, with each profile.
 
     It has the force of the patch, without torque and radial shear, which explain what is wrong with a width.
     """
     parameters = patches.parameters[number].copy()
-    root = _WIDER * float(np.sqrt(0.5 * (parameters[ROOT_XX:SHAPE] ** 2).sum()))
+    root = times * float(np.sqrt(0.5 * (parameters[ROOT_XX:SHAPE] ** 2).sum()))
     parameters[ROOT_XX:SHAPE] = root, 0.0, root
     parameters[TORQUE:] = 0.0
     return [patches.without(number).with_more(parameters[None], profile) for profile in Profile]

@@ -23,7 +23,9 @@ SHEARS_N = ((0.15, 0.0), (0.0, -0.25), (0.08, 0.08))
 
 @pytest.fixture(scope="module")
 def sensor() -> Sensor:
-    return pad_sensor(young_MPa=0.5, young_std_MPa=0.15, poisson=None)
+    return pad_sensor(
+        young_MPa=0.5, young_std_MPa=0.15, poisson=None, thickness_std_mm=0.0, marker_depth_std_mm=0.0
+    )
 
 
 @pytest.fixture(autouse=True)
@@ -108,7 +110,7 @@ def test_presses_that_do_not_determine_the_modulus_are_refused(sensor: Sensor) -
 
 @pytest.mark.slow
 def test_a_modulus_far_from_the_sensor_file_is_a_warning() -> None:
-    stated = pad_sensor(young_MPa=1.2, young_std_MPa=0.36)
+    stated = pad_sensor(young_MPa=1.2, young_std_MPa=0.36, thickness_std_mm=0.0, marker_depth_std_mm=0.0)
     (far,) = calibrate_pad(stated, presses(stated)).warnings
     assert "differs by more than 3 deviations from the 1.2 ± 0.36 MPa" in far
 
