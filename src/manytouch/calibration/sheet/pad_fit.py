@@ -24,6 +24,9 @@ from manytouch.values.sensor_file.default_std import sheet_std
 FORCE_STD = 0.05
 """Relative standard deviation of a force that the model does not explain, of each press: a choice, the median
 error of forces on simulated pads with an exact sensor file."""
+MODEL_STD = np.array([0.03, 0.01])
+"""Standard deviations, in thicknesses, of thickness and depth by what the model does not explain: fitted to the
+errors that are left on the seven pads of ADR 117."""
 DIFFERENCE_STDS = 0.5
 """Step of the derivatives, in standard deviations of what the sensor file states."""
 MOST_STEPS = 3
@@ -138,7 +141,8 @@ def fit_pad(estimator: PadEstimator, sensor: Sensor, presses: Sequence[KnownPres
     if stated_mm.any():
         change, slope = _fitted(lambda tried: trial(tried, np.zeros(2)), np.flatnonzero(stated_mm))
     covariance = np.linalg.inv(slope.T @ slope)
-    std_mm = np.sqrt(np.diag(covariance)[1:]) * stated_mm
+    fitted_mm = np.sqrt(np.diag(covariance)[1:]) * stated_mm
+    std_mm = np.minimum(stated_mm, np.hypot(fitted_mm, MODEL_STD * sheet.thickness_mm))
     best = trial(change, std_mm)  # as in use
     forces = slope[: len(known)]
     leverage = np.einsum("np,pq,nq->n", forces, covariance, forces)

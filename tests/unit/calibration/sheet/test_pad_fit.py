@@ -67,7 +67,7 @@ def test_the_depth_of_the_markers_is_fitted_and_described(known: list[KnownPress
     assert sheet.marker_depth_std_mm is not None
     assert sheet.marker_depth_mm is not None
     assert abs(sheet.marker_depth_mm - DEPTH_MM) < min(0.08, 2.0 * sheet.marker_depth_std_mm)
-    assert sheet.marker_depth_std_mm < 0.15
+    assert sheet.marker_depth_std_mm < 0.18
     assert found.sheet.poisson == POISSON
     assert set(found.std) == {"young_std_MPa", "marker_depth_std_mm"}
     assert any(line.startswith("depth of the markers 0.") for line in describe(found))
@@ -105,7 +105,7 @@ def test_presses_of_a_solid_show_thickness_and_depth(thickness_mm: float, depth_
     found = fit_pad(PadEstimator(), replace(true, sheet=replace(true.sheet, **given, **stds)), solved)
     sheet = found.sheet
     assert sheet.thickness_std_mm is not None
-    assert sheet.thickness_std_mm < 0.1
+    assert sheet.thickness_std_mm < 0.15
     assert abs(sheet.thickness_mm - 4.0) < 0.6 * abs(thickness_mm - 4.0)
     assert abs(sheet.thickness_mm - 4.0) < 2.0 * sheet.thickness_std_mm
     assert true.sheet.young_MPa is not None

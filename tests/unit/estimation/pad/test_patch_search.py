@@ -14,9 +14,11 @@ from manytouch.evaluation.suite.pads.cases import OwnPadCase, pads
 from manytouch.evaluation.suite.pads.pad_sensors import NOMINAL_STD, true_pad
 from manytouch.evaluation.suite.pads.recording import pad_states
 from manytouch.evaluation.suite.sensors import exact_sensor
+from manytouch.geometry.refraction import rest_px
 from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.simulator import Simulator
 from manytouch.values import Sensor, TrackedGrid, Truth
+from manytouch.values.arrays import Points2
 
 ESTIMATE = PadEstimator()
 LONGER = PadEstimator(nominal_pad=NominalPad(element_thickness=0.5))
@@ -48,6 +50,12 @@ def with_usual_deviations(sensor: Sensor) -> Sensor:
             marker_depth_std_mm=NOMINAL_STD["marker_depth_mm"],
         ),
     )
+
+
+def at_rest_px(sensor: Sensor) -> Points2:
+    """(m, 2) images of the markers at rest."""
+    assert sensor.layout is not None
+    return rest_px(sensor, sensor.layout)
 
 
 def true_mm2(case: OwnPadCase, state: int) -> float:
@@ -110,6 +118,25 @@ def test_a_ring_is_found_where_the_numbers_of_the_pad_are_not_exact(name: str, c
         state, _, contacts = ESTIMATE.step(state, grid_of(case, number))
         (one,) = contacts.touching
         assert one.normal_force_over_E_mm2 == pytest.approx(true_mm2(case, number), rel=0.3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("thickness_mm", "poisson", "depth_mm"), [(2.398, 0.4845, 0.287), (2.433, 0.4759, 0.252)]
+)
+def test_a_wide_contact_is_not_a_narrow_one_between_the_markers(
+    thickness_mm: float, poisson: float, depth_mm: float
+) -> None:
+    """That is deeper under the same force, and takes it for one of a larger strain."""
+    case = calibration_presses("thin")[0]
+    true = true_pad(case)
+    assert true.sheet is not None
+    given = {"thickness_mm": thickness_mm, "poisson": poisson, "marker_depth_mm": depth_mm}
+    start = ESTIMATE.start(with_usual_deviations(replace(true, sheet=replace(true.sheet, **given))))
+    moved_px = truth_of(case, 2).grid.position_px - at_rest_px(true)
+    _, _, contacts = ESTIMATE.step(start, grid_at(start.model.rest_px + moved_px, noise_px=0.03, seed=1))
+    (one,) = contacts.touching
+    assert one.normal_force_over_E_mm2 == pytest.approx(true_mm2(case, 2), rel=0.2)
 
 
 @pytest.mark.slow
