@@ -143,7 +143,7 @@ def main() -> None:
         stated = drawn(sensor, case) if options.drawn else exact_sensor(sensor)
         given = wrong(sensor) if options.wrong_file else stated
         assert given.layout is not None
-        # markers at rest are measured, whatever the file says
+        # markers at rest are measured, whatever the file states
         offset_px = rest_px(given, given.layout) - rest_px(sensor, given.layout)
         now = started = estimate.start(given)
         for level, (markers, _) in zip(case.press.levels, pad_states(case), strict=True):

@@ -12,11 +12,7 @@ from manytouch.blas_threads import limit_blas_threads
 from manytouch.calibration import register_rest, rest_of_recording, sensor_from_rest
 from manytouch.calibration.outline.pad_outline import pad_of
 from manytouch.calibration.rest.adapt_nominal import register_nominal
-from manytouch.calibration.rest.whole_recording import (
-    is_still,
-    with_doubt_of_start,
-    with_unrelated_pictures,
-)
+from manytouch.calibration.rest.whole_recording import is_still, with_doubt_of_start, with_unrelated_pictures
 from manytouch.errors import ManytouchError, SensorError, SourceError, require_type, without_password
 from manytouch.pipeline import Pipeline, Sink
 from manytouch.session.methods import (
@@ -133,8 +129,14 @@ class Job:
         return estimation
 
     def readings(self) -> Iterator[Reading]:
-        """Every frame's reading, in order; can be iterated once."""
-        return self.pipeline.run(self.frames, self.sensor)
+        """Every frame's reading, in order; can be iterated once.
+
+        Raises:
+            ManytouchError: no frame is left.
+        """
+        if (first := next(self.frames, None)) is None:
+            raise ManytouchError(f"the frames of {self.text} were read already: prepare it again")
+        yield from self.pipeline.run(chain((first,), self.frames), self.sensor)
 
     def start(self, observer: Observer, stop: StopCondition) -> Generator[Reading, None, None]:
         """Every frame's reading, in order.
@@ -296,8 +298,7 @@ def _report_delays(source: Source, observer: Observer) -> None:
 
 
 def _estimates_pretension(sensor: Sensor, method: str) -> bool:
-    """Whether the method is `mechanics` and estimates the pretension, because the sensor file states none
-    or states it without Young's modulus."""
+    """Whether `mechanics` estimates the pretension, since the file does not state it with Young's modulus."""
     sheet = sensor.sheet
     return (
         method == "mechanics"

@@ -16,6 +16,7 @@ from mcap.reader import make_reader
 from cameras import Driver
 from clips import picture
 from drawn_source import DrawnSource
+from manytouch.errors import ManytouchError
 from manytouch.paper.estimation import PaperEstimation
 from manytouch.pipeline import Controls
 from manytouch.recording import SESSION
@@ -162,6 +163,13 @@ def test_threads_switch_soon_while_a_session_runs_and_as_before_afterwards() -> 
     run(Live(prepare(DrawnSource(frames=18, is_touched=False))), [seen])
     assert seen.readings
     assert sys.getswitchinterval() == before
+
+
+def test_frames_that_were_read_are_not_read_again() -> None:
+    job = prepare(DrawnSource(frames=18, is_touched=False))
+    assert len(list(job.readings())) == 18
+    with pytest.raises(ManytouchError, match="were read already: prepare it again"):
+        next(job.readings())
 
 
 def test_tare_makes_the_present_sheet_the_untouched_one() -> None:

@@ -60,12 +60,13 @@ class SheetCalibration:
             if no force was measured. Poisson's ratio is stated also if it was assumed, since the fitted
             numbers hold with it only.
         std: standard deviations by name: pretension_over_E_std_mm, bending_factor_std, thickness_std_mm,
-            outline_std_mm, pretension_std_N_per_mm, young_std_MPa; without those of parameters that were not
-            fitted.
+            outline_std_mm, pretension_std_N_per_mm, young_std_MPa, and marker_depth_std_mm of a pad; without
+            those of parameters that were not fitted.
         undetermined: sentences about parameters that the presses determine no better than the prior.
         warnings: sentences about presses that contradict the table.
         force_over_E_mm2: (k,) of the presses.
-        residual_px: (k,) RMS residual of each press over the dots outside the contact.
+        residual_px: (k,) RMS residual of each press over the dots outside the contact; of a pad over all
+            that are seen.
         leave_one_out_error: (k,) force of each press predicted from the calibration on all other presses,
             over its reading, minus 1; NaN without reading.
     """

@@ -23,7 +23,7 @@ LEAST_FORCES = 2
 """Fewest presses with a known force."""
 MODEL_SHARE = 0.05
 """Relative standard deviation of a force that the model does not explain, common to all presses: a choice.
-With it, E of the seven simulated pads of ADR 114 is 6 % (RMS) off, and within 1.2 of its deviations."""
+With it, E of the seven simulated pads of ADR 117 is 6 % (RMS) off, and within 1.8 of its deviations."""
 SHEAR_SHARE = 0.05
 """The same of a shear force: the same choice."""
 MAX_ANGLE_RAD = 0.2

@@ -1,9 +1,9 @@
 """Young's modulus, thickness and depth of the markers of a pad, fitted to presses with known forces.
 
-With a wrong height of the markers above the window, no contact explains how the markers around a press move.
-With a wrong thickness, shallow and deep presses give different moduli. Each press is estimated by
-`PadEstimator` with trial values of thickness and depth; Gauss-Newton steps reduce the residuals that remain
-(variable projection: G. H. Golub and V. Pereyra 1973, doi:10.1137/0710036).
+With wrong values of thickness or depth, shallow and deep, or narrow and wide, presses give different moduli.
+The markers show them little: a wrong depth looks mostly like another shape of a contact. Each press is
+estimated by `PadEstimator` with trial values of thickness and depth; Gauss-Newton steps reduce the residuals
+that remain (variable projection: G. H. Golub and V. Pereyra 1973, doi:10.1137/0710036).
 """
 
 from collections.abc import Callable, Sequence
@@ -25,8 +25,8 @@ FORCE_STD = 0.05
 """Relative standard deviation of a force that the model does not explain, of each press: a choice, the median
 error of forces on simulated pads with an exact sensor file."""
 MODEL_STD = np.array([0.03, 0.01])
-"""Standard deviations, in thicknesses, of thickness and depth by what the model does not explain: fitted to the
-errors that are left on the seven pads of ADR 117."""
+"""Standard deviations, in thicknesses, of thickness and depth by what the model does not explain: chosen by
+the errors that are left on the seven pads of ADR 117."""
 DIFFERENCE_STDS = 0.5
 """Step of the derivatives, in standard deviations of what the sensor file states."""
 MOST_STEPS = 3
@@ -39,7 +39,7 @@ LEAST_DEPTH_MM = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class PressedPad:
+class EstimatedPresses:
     """Presses estimated on a pad.
 
     Attributes:
@@ -47,12 +47,14 @@ class PressedPad:
         force_over_E_mm2: (k,) their normal forces over E.
         residual_px: (k,) RMS residual of each press over its markers.
         whitened: (k, 2 m) residuals over their standard deviations by noise and model error.
+        scale: (k,) misfit per degree of freedom, at least 1.
     """
 
     contacts: tuple[Contact, ...]
     force_over_E_mm2: Scalars
     residual_px: Scalars
     whitened: Float64[np.ndarray, "k r"]
+    scale: Scalars
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -72,10 +74,10 @@ class PadParameters:
     log_young: float
     log_young_std: float
     leave_one_out: Scalars
-    pressed: PressedPad
+    pressed: EstimatedPresses
 
 
-def press_pad(estimator: PadEstimator, sensor: Sensor, presses: Sequence[KnownPress]) -> PressedPad:
+def press_pad(estimator: PadEstimator, sensor: Sensor, presses: Sequence[KnownPress]) -> EstimatedPresses:
     """Estimate presses, each from rest.
 
     Args:
@@ -88,7 +90,7 @@ def press_pad(estimator: PadEstimator, sensor: Sensor, presses: Sequence[KnownPr
     """
     assert sensor.layout is not None
     state, at_rest_px = estimator.start(sensor), rest_px(sensor, sensor.layout)
-    contacts, residual_px, whitened = [], [], []
+    contacts, residual_px, whitened, scale = [], [], [], []
     for press in presses:
         grid = _grid(press, at_rest_px)
         fit = estimator.fit_frame(state, grid)
@@ -101,12 +103,14 @@ def press_pad(estimator: PadEstimator, sensor: Sensor, presses: Sequence[KnownPr
             min(found.touching, key=lambda each: float(np.linalg.norm(each.centre_mm - press.place_mm)))
         )
         residual_px.append(float(np.sqrt(np.mean(fit.residual_px[np.repeat(press.is_seen, 2)] ** 2))))
-        whitened.append(np.sqrt(fit.weight / misfit_scale(fit)) * fit.residual_px)
-    return PressedPad(
+        whitened.append(np.sqrt(fit.weight) * fit.residual_px)
+        scale.append(misfit_scale(fit))
+    return EstimatedPresses(
         contacts=tuple(contacts),
         force_over_E_mm2=np.array([contact.normal_force_over_E_mm2 for contact in contacts]),
         residual_px=np.array(residual_px),
         whitened=np.array(whitened),
+        scale=np.array(scale),
     )
 
 
@@ -126,31 +130,33 @@ def fit_pad(estimator: PadEstimator, sensor: Sensor, presses: Sequence[KnownPres
     sheet = sensor.sheet
     assert sheet is not None
     stds = sheet_std(sheet)
-    stated_mm = np.array([stds.thickness_mm, stds.marker_depth_mm or 0.0])
+    stated_std_mm = np.array([stds.thickness_mm, stds.marker_depth_mm or 0.0])
     read_N = np.array([np.nan if press.force_N is None else press.force_N for press in presses], np.float64)
     known = np.flatnonzero(np.isfinite(read_N))
 
     def trial(change: Scalars, std_mm: Scalars) -> "_Trial":
-        tried = replace(sensor, sheet=_changed(sheet, change * stated_mm, std_mm))
+        tried = replace(sensor, sheet=_changed(sheet, change * stated_std_mm, std_mm))
         pressed = press_pad(estimator, tried, presses)
         log_young = np.log(read_N[known] / pressed.force_over_E_mm2[known])
         return _Trial(change=change, pressed=pressed, log_young=log_young)
 
     change, slope = np.zeros(2), np.zeros((len(known) + 2, 3))
     slope[: len(known), 0], slope[len(known) :, 1:] = -1.0 / FORCE_STD, np.eye(2)
-    if stated_mm.any():
-        change, slope = _fitted(lambda tried: trial(tried, np.zeros(2)), np.flatnonzero(stated_mm))
+    if stated_std_mm.any():
+        change, slope = _fitted(lambda tried: trial(tried, np.zeros(2)), np.flatnonzero(stated_std_mm))
     covariance = np.linalg.inv(slope.T @ slope)
-    fitted_mm = np.sqrt(np.diag(covariance)[1:]) * stated_mm
-    std_mm = np.minimum(stated_mm, np.hypot(fitted_mm, MODEL_STD * sheet.thickness_mm))
-    best = trial(change, std_mm)  # as in use
+    fitted_std_mm = np.sqrt(np.diag(covariance)[1:]) * stated_std_mm
+    std_mm = np.minimum(stated_std_mm, np.hypot(fitted_std_mm, MODEL_STD * sheet.thickness_mm))
+    # Trials keep thickness and depth as they are, else the estimator would fit them too. This one has the
+    # deviations that are written: E belongs to the forces that follow from the new file.
+    best = trial(change, std_mm)
     forces = slope[: len(known)]
     leverage = np.einsum("np,pq,nq->n", forces, covariance, forces)
     leave_one_out = np.full(len(presses), np.nan)
     leave_one_out[known] = -(best.log_young - best.log_young.mean()) / (1.0 - leverage)
     scatter = best.log_young.std(ddof=1) / FORCE_STD
     return PadParameters(
-        sheet=_changed(sheet, change * stated_mm, std_mm),
+        sheet=_changed(sheet, change * stated_std_mm, std_mm),
         log_young=float(best.log_young.mean()),
         log_young_std=float(np.sqrt(covariance[0, 0]) * max(1.0, scatter)),
         leave_one_out=leave_one_out,
@@ -169,21 +175,25 @@ class _Trial:
     """
 
     change: Scalars
-    pressed: PressedPad
+    pressed: EstimatedPresses
     log_young: Scalars
 
-    def values(self, log_young: float = 0.0) -> Scalars:
+    def values(self, scale: Scalars, log_young: float = 0.0) -> Scalars:
         """(n + k r + 2,) of forces, markers and prior, over their standard deviations.
 
         Errors of the model are alike in all presses: the markers of all count as those of one.
+
+        Args:
+            scale: (k,) misfit per degree of freedom of each press, the same for all trials.
+            log_young: of which the forces are taken.
         """
         forces = (self.log_young - log_young) / FORCE_STD
-        markers = self.pressed.whitened.ravel() / np.sqrt(len(self.pressed.whitened))
-        return np.concatenate([forces, markers, self.change])
+        markers = self.pressed.whitened / np.sqrt(len(scale) * scale[:, None])
+        return np.concatenate([forces, markers.ravel(), self.change])
 
-    def residual(self) -> Scalars:
+    def residual(self, scale: Scalars) -> Scalars:
         """The same with the modulus that fits best."""
-        return self.values(float(self.log_young.mean()))
+        return self.values(scale, float(self.log_young.mean()))
 
 
 def _fitted(trial: Callable[[Scalars], _Trial], fitted: np.ndarray) -> tuple[Scalars, np.ndarray]:
@@ -194,18 +204,19 @@ def _fitted(trial: Callable[[Scalars], _Trial], fitted: np.ndarray) -> tuple[Sca
         fitted: which of both are to be fitted.
     """
     best = trial(np.zeros(2))
-    slope = np.zeros((len(best.values()), 3))
+    scale = best.pressed.scale
+    slope = np.zeros((len(best.values(scale)), 3))
     slope[: len(best.log_young), 0], slope[-2:, 1:] = -1.0 / FORCE_STD, np.eye(2)
     for number in fitted:
         step = DIFFERENCE_STDS * np.eye(2)[number]
-        slope[:, 1 + number] = (trial(step).values() - best.values()) / DIFFERENCE_STDS
+        slope[:, 1 + number] = (trial(step).values(scale) - best.values(scale)) / DIFFERENCE_STDS
     share = 1.0
     for _ in range(MOST_STEPS):
-        step = -share * np.linalg.lstsq(slope, best.residual())[0][1:]
+        step = -share * np.linalg.lstsq(slope, best.residual(scale))[0][1:]
         if np.abs(step).max() < SMALL_STEP_STDS:
             break
         tried = trial(np.clip(best.change + step, -MOST_CHANGE_STDS, MOST_CHANGE_STDS))
-        if tried.residual() @ tried.residual() < best.residual() @ best.residual():
+        if np.linalg.norm(tried.residual(scale)) < np.linalg.norm(best.residual(scale)):
             best = tried
         else:
             share *= 0.5

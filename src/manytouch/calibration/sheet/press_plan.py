@@ -1,6 +1,6 @@
 """Press plans for calibrating a sheet with weights or a 3-D printer.
 
-Design and press tables share the tip, the places and the weights.
+Design and press tables share the tip, the places, the depths and the weights.
 """
 
 import csv
@@ -30,7 +30,8 @@ REST_MS = 2000
 DWELL_MS = 2000
 """How long the printer's tip stays at each depth."""
 DEPTHS_MM = (1.0, 2.5)
-"""Depths to which a printer presses a clamped sheet, at each place; less on a pad (`press_depths_mm`)."""
+"""Depths to which a printer presses a clamped sheet, at each place; less on a pad (`press_depths_mm`). The
+prototypes of `design` are calibrated with these presses too: each depth costs a solution per place."""
 BONDED_SHARE = 0.25
 """Deepest press of a bonded pad as a share of its thickness.
 

@@ -1,6 +1,6 @@
 """Everything that a recording contains except its images, as Parquet tables.
 
-The columns are those of `manytouch process` (docs/how-to.md); the metadata of each column has its unit and
+The columns are those of `manytouch process` (docs/columns.md); the metadata of each column has its unit and
 frame of reference, and that of the table the sensor file.
 """
 
