@@ -2,11 +2,14 @@
 
 3-D solids with free sides are pressed by the bodies of the groups of pads of `evaluate`. The method
 `mechanics` gets the true images of the markers with 0.02 px of noise and the true sensor file, which states
-that its numbers are exact; with --wrong-file, Poisson's ratio is .01 too large (but at most .495) and the
-thickness 4 % too small, and the file states no deviations; with --drawn, they and the depth of the markers
-have the random errors of the group `pads_calibrated`, which the file states. With --linear, forces are those
-of the linear pad. Each state is a new start from rest, or, with --path, follows the one before. Cases that no
-constant was chosen on are left out unless --held-out is given. The solved presses are those of the package.
+that outline, thickness, Poisson's ratio and Young's modulus are exact. With --wrong-file, Poisson's ratio is
+.01 too large (but at most .495) and the thickness 4 % too small, and the deviations are the defaults of
+sensor files. With --drawn, Poisson's ratio, thickness and depth of the markers have random errors with the
+deviations of the nominal files from which `pads_calibrated` begins, without its calibration, and the file
+states these deviations. With --linear, forces are those of the linear pad. Radial shear is that of the fit
+over its normal force, negative towards the centre, as where an object sticks. Each state is a new start from
+rest, or, with --path, follows the one before. Cases that no constant was chosen on are left out unless
+--held-out is given. The solved presses are those of the package.
 
     .venv/bin/python benchmarks/pads.py
     .venv/bin/python benchmarks/pads.py --wrong-file
@@ -38,7 +41,11 @@ NOISE_PX, MATCH_MM = 0.02, 3.0
 
 
 class Row(NamedTuple):
-    """Errors of a contact: in percent of its normal force or depth, in mm, and in standard deviations."""
+    """Errors of a contact, positive where the estimate is too large.
+
+    Those of normal force and depth are in percent and in standard deviations, that of the centre is in mm,
+    that of the shear (length of the difference) in percent of the true normal force.
+    """
 
     force: float
     force_stds: float
@@ -113,8 +120,8 @@ def rows_of(
         radial = patches.parameters[nearest, RADIAL_SHEAR]
         print(
             f"{label} {press_N:8.3f} N {row.force:+6.1f} % ({row.force_stds:+.1f} std)  "
-            f"centre {row.away_mm:.2f} mm  shear {row.shear:5.1f} % of "
-            f"{100.0 * np.linalg.norm(true.force_N[:2]) / press_N:3.0f} %  "
+            f"centre {row.away_mm:.2f} mm  shear off {row.shear:5.1f} %, true "
+            f"{100.0 * np.linalg.norm(true.force_N[:2]) / press_N:3.0f} % of the force  "
             f"depth {row.depth:+6.1f} % ({row.depth_stds:+.1f} std)  "
             f"radial {radial:+.2f}  contacts {len(touching)}"
         )
@@ -129,13 +136,15 @@ def main() -> None:
     parser.add_argument("--path", action="store_true", help="each depth follows the one before")
     parser.add_argument("--held-out", action="store_true", help="also cases that no constant was chosen on")
     parser.add_argument("--linear", action="store_true", help="forces without stiffening")
-    parser.add_argument("--wrong-file", action="store_true", help="the sensor file is not exact")
-    parser.add_argument("--drawn", action="store_true", help="the sensor file has random errors")
+    file = parser.add_mutually_exclusive_group()
+    file.add_argument("--wrong-file", action="store_true", help="wrong numbers, deviations not stated")
+    file.add_argument("--drawn", action="store_true", help="random errors, deviations stated")
     options = parser.parse_args()
     estimate, random = PadEstimator(), np.random.default_rng(5)
     if options.linear:
         estimate = PadEstimator(pad_contacts=PadContacts(stiffening=0.0, sticking=0.0))
     rows: dict[bool, list[Row]] = {True: [], False: []}
+    true_count = {True: 0, False: 0}
     for case in pads("pads"):
         if options.only not in case.name or not (case.looked_at or options.held_out):
             continue
@@ -151,6 +160,7 @@ def main() -> None:
             for _ in range(2):
                 before, _, contacts = estimate.step(before, grid_of(position_px, random))
             now = before
+            true_count[case.looked_at] += len(markers.contacts)
             rows[case.looked_at] += rows_of(case, level, markers, contacts.touching, before.patches)
     for looked_at, part in rows.items():
         if part:
@@ -158,11 +168,12 @@ def main() -> None:
             stds = np.array([[row.force_stds, row.depth_stds] for row in part])
             median, p95 = np.percentile(np.abs(force), [50.0, 95.0])
             print(
-                f"{'others' if looked_at else 'held out':10} {len(part)} contacts: "
+                f"{'others' if looked_at else 'held out':10} "
+                f"{len(part)} of {true_count[looked_at]} contacts found: "
                 f"force median {median:.1f} % p95 {p95:.1f} % bias {force.mean():+.1f} %, "
                 f"centre {np.median([row.away_mm for row in part]):.2f} mm, "
                 f"shear {np.median([row.shear for row in part]):.1f} % of the force, "
-                f"depth {np.median(np.abs(depth)):.1f} %, beyond 2 std: "
+                f"depth {np.nanmedian(np.abs(depth)):.1f} %, beyond 2 std: "
                 f"force {(np.abs(stds[:, 0]) > 2.0).sum()}, depth {(np.abs(stds[:, 1]) > 2.0).sum()}"
             )
 

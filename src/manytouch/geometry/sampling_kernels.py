@@ -1,4 +1,4 @@
-"""The compiled product of two splines on a grid."""
+"""Surfaces through values at the markers of a lattice: products of two splines on a grid, compiled."""
 
 import numpy as np
 

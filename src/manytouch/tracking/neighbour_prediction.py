@@ -1,5 +1,7 @@
 """Coefficients that predict the displacement of a marker from its neighbours', to verify identities.
 
+Where a marker that is not seen is expected is decided in `state_update` and `matching.growth`.
+
 The constants are choices, on which no recording was fitted.
 """
 

@@ -1,4 +1,4 @@
-"""Writes the design of the paper: its numbers, the curve of Figure 2, and the parts of Figures 4 and 6."""
+"""Writes the design of the published sensor: numbers, curve of Figure 2, parts of Figures 4 and 6."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -252,7 +252,7 @@ class PadEstimator:
         return fit, refused_misfit
 
     def _with_profile(self, model: BondedPadModel, fit: PadFit, measured: MeasuredImages) -> PadFit | None:
-        """The fit with another profile of a wide contact, or with near ones as one, where that is better."""
+        """The fit with another profile or width of a contact, or near ones as one, where that is better."""
         if not self.profile_choice.applies(model, fit.patches):
             return None
         linear_px, _ = self._images(model, measured, fit.marker_mm(model))

@@ -20,7 +20,7 @@ from manytouch.estimation.pad.patch_kernels import (
 
 LOAD_COUNT = 5
 """Number of loads of a contact: normal force, shear x, y and torque, over E; radial shear over normal
-force."""
+force, positive outwards."""
 PARAMETER_COUNT = SHAPE + LOAD_COUNT
 """Number of parameters of a contact: those of its shape, then its loads."""
 FORCE, SHEAR_X, SHEAR_Y, TORQUE, RADIAL_SHEAR = range(SHAPE, PARAMETER_COUNT)

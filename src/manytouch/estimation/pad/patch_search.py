@@ -1,4 +1,5 @@
-"""What may explain the markers better: a small patch where a pad may be pressed, or another profile."""
+"""What may explain the markers better: a small patch where a pad may be pressed, another profile or width, or
+near contacts as one."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -39,7 +40,7 @@ class PatchSearch:
 
     Attributes:
         step, root: distance of candidates and root of their second moment, in thicknesses; the distance is at
-            most one pitch.
+            most one pitch, but at least a fiftieth of the longer side.
         wider: roots of the guess at the best candidate that are tried too, over that of the candidate: from a
             guess that is much too narrow, a fit of a wide contact ends at a worse minimum.
         max_shear: largest ratio of shear to normal force of a candidate.
@@ -125,7 +126,7 @@ def _loads(
 ) -> tuple[Float64[np.ndarray, "k 3"], Scalars]:
     """Loads (k, 3) with the least misfit, and by how much each reduces it (k,).
 
-    With one weight for all markers that are seen; what is not seen counts as unmoved.
+    With the median weight for all markers; what is not seen counts as a residual of 0.
     """
     usual = float(np.median(weight[weight > 0.0])) if (weight > 0.0).any() else 0.0
     load = np.einsum("kij,kj->ki", inverse, pull) / max(usual, 1e-300)
@@ -145,12 +146,13 @@ class ProfileChoice:
     """Tries other profiles of wide contacts, narrow contacts as wide ones, and near contacts as one.
 
     Attributes:
-        gain: least reduction of the misfit by another profile or width of a contact, and largest growth by
-            near contacts as one, over the misfit per degree of freedom with it (at least 1).
-        root: least root of the second moment, in thicknesses, of a contact whose profile may be another than
-            a dome; the markers hardly show that of narrower ones.
-        wider: width of the guess with which a narrower contact is tried as a wide one, over its own. Between
-            markers, a narrow contact may be another minimum of the misfit.
+        gain: by how much another profile or width must reduce the misfit, and by how much near contacts as
+            one may increase it, in units of the misfit per degree of freedom of the fit that is tried (at
+            least 1, `misfit_scale`).
+        root: least root of the second moment, in thicknesses, of a contact whose other profiles are tried;
+            the markers hardly show that of narrower ones. Near contacts as one are tried with each profile.
+        wider: root of a round dome as which a contact narrower than that is tried, over the quadratic mean of
+            its principal roots. Between markers, a narrow contact may be another minimum of the misfit.
     """
 
     gain: float = 15.0
@@ -164,19 +166,22 @@ class ProfileChoice:
     def __call__(
         self, model: BondedPadModel, fitter: PatchFitter, fit: PadFit, linear_px: Float64[np.ndarray, " r"]
     ) -> PadFit | None:
-        """The fit with another profile of a contact, or with near ones as one, where that is better.
+        """The fit with another profile or width of a contact, or with near ones as one, where that is better;
+        None where nothing is. The parameters of the pad are those of the sensor file, and covariances are
+        empty: it is a guess for another fit.
 
         Args:
             model: of the pad.
             fitter: of the patches.
             fit: of the frame.
-            linear_px: (2 m,) displacements of the marker images, without what is not linear in them.
+            linear_px: (2 m,) displacements of the marker images, px, without what is not linear in the
+                displacements of the markers.
         """
 
         def fitted(patches: Patches) -> PadFit:
             return fitter(model, patches, linear_px, fit.weight, is_sheet_known=True, with_covariance=False)
 
-        before = fitted(fit.patches)
+        before = fitted(fit.patches)  # with the same parameters of the pad as what is compared
         tried = []
         for number in self._wide(model, fit.patches):
             tried += _with_others(fitted, before, number)
@@ -197,7 +202,7 @@ class ProfileChoice:
         return tried[best] if merit[best] >= 0.0 else None
 
     def _wide(self, model: BondedPadModel, patches: Patches) -> list[int]:
-        """Numbers of the patches whose profile may be another than a dome."""
+        """Numbers of the patches that are wide enough for other profiles."""
         root_mm = np.sqrt(np.abs(patches.parameters[:, ROOT_XX] * patches.parameters[:, ROOT_YY]))
         return [int(number) for number in np.flatnonzero(root_mm >= self.root * model.thickness_mm)]
 
