@@ -253,7 +253,7 @@ class PadEstimator:
 
     def _with_profile(self, model: BondedPadModel, fit: PadFit, measured: MeasuredImages) -> PadFit | None:
         """The fit with another profile or width of a contact, or near ones as one, where that is better."""
-        if not self.profile_choice.applies(model, fit.patches):
+        if not self.profile_choice.applies(model, fit):
             return None
         linear_px, _ = self._images(model, measured, fit.marker_mm(model))
         return self.profile_choice(model, self.fitter, fit, linear_px)

@@ -151,17 +151,20 @@ class ProfileChoice:
             least 1, `misfit_scale`).
         root: least root of the second moment, in thicknesses, of a contact whose other profiles are tried;
             the markers hardly show that of narrower ones. Near contacts as one are tried with each profile.
-        wider: root of a round dome as which a contact narrower than that is tried, over the quadratic mean of
-            its principal roots. Between markers, a narrow contact may be another minimum of the misfit.
+        between: root, in pitches, below which a contact is between markers: it may be another minimum of the
+            misfit than that of a wide contact.
+        wider: root of a round dome as which it is tried then, over the quadratic mean of its principal roots.
     """
 
     gain: float = 15.0
     root: float = 0.35
+    between: float = 0.3
     wider: float = 4.0
 
-    def applies(self, model: BondedPadModel, patches: Patches) -> bool:
+    def applies(self, model: BondedPadModel, fit: PadFit) -> bool:
         """Whether there is anything to try."""
-        return len(patches) > 0
+        may_change = self._wide(model, fit.patches) or self._narrow(model, fit)
+        return len(may_change) > 0 or len(near_groups(fit.patches)) > 0
 
     def __call__(
         self, model: BondedPadModel, fitter: PatchFitter, fit: PadFit, linear_px: Float64[np.ndarray, " r"]
@@ -185,9 +188,8 @@ class ProfileChoice:
         tried = []
         for number in self._wide(model, fit.patches):
             tried += _with_others(fitted, before, number)
-        if before.misfit > self.gain:
-            narrow = set(range(len(fit.patches))).difference(self._wide(model, fit.patches))
-            tried += [fitted(widened(fit.patches, number, self.wider)[Profile.DOME]) for number in narrow]
+        for number in self._narrow(model, fit):
+            tried.append(fitted(widened(fit.patches, number, self.wider)[Profile.DOME]))
         for group in near_groups(fit.patches):
             one = fitted(joined(fit.patches, group))
             tried += [one, *_with_others(fitted, one, len(one.patches) - 1)]
@@ -203,8 +205,19 @@ class ProfileChoice:
 
     def _wide(self, model: BondedPadModel, patches: Patches) -> list[int]:
         """Numbers of the patches that are wide enough for other profiles."""
-        root_mm = np.sqrt(np.abs(patches.parameters[:, ROOT_XX] * patches.parameters[:, ROOT_YY]))
-        return [int(number) for number in np.flatnonzero(root_mm >= self.root * model.thickness_mm)]
+        return [int(number) for number in np.flatnonzero(_root_mm(patches) >= self.root * model.thickness_mm)]
+
+    def _narrow(self, model: BondedPadModel, fit: PadFit) -> list[int]:
+        """Numbers of the patches that may be wide ones: none if the misfit cannot fall by `gain`."""
+        if fit.misfit < self.gain:
+            return []
+        least_mm = min(self.root * model.thickness_mm, self.between * model.pitch_mm)
+        return [int(number) for number in np.flatnonzero(_root_mm(fit.patches) < least_mm)]
+
+
+def _root_mm(patches: Patches) -> Scalars:
+    """(c,) roots of the second moments: geometric means along the principal directions."""
+    return np.asarray(np.sqrt(np.abs(patches.parameters[:, ROOT_XX] * patches.parameters[:, ROOT_YY])))
 
 
 def _with_others(fitted: Callable[[Patches], PadFit], fit: PadFit, number: int) -> list[PadFit]:
