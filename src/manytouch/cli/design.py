@@ -149,9 +149,9 @@ def design(
 
 def _paper(out: Path, parts: str) -> int:
     from manytouch.cli.terminal.console import Steps
-    from manytouch.design.paper.numbers import paper_design
-    from manytouch.design.paper.write import equation_1, table_1, write_numbers, write_paper_design
     from manytouch.design.plots import require_plots
+    from manytouch.design.published.numbers import paper_design
+    from manytouch.design.published.write import equation_1, table_1, write_numbers, write_paper_design
     from manytouch.design.write import require_part_packages
     from manytouch.sinks.files.atomic_output import check_writable
 

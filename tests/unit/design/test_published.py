@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from manytouch.cli import main
-from manytouch.design.paper import numbers
-from manytouch.design.paper.numbers import PaperDesign, paper_design
-from manytouch.design.paper.write import write_numbers
+from manytouch.design.published import numbers
+from manytouch.design.published.numbers import PaperDesign, paper_design
+from manytouch.design.published.write import write_numbers
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from manytouch.design.paper.numbers import (
+from manytouch.design.plots import new_figure
+from manytouch.design.published.numbers import (
     DEPTH_MM,
     FORCE_N,
     GPA_MPA,
@@ -15,7 +16,6 @@ from manytouch.design.paper.numbers import (
     PaperDesign,
     SmallestGap,
 )
-from manytouch.design.plots import new_figure
 from manytouch.design.write import write_design
 from manytouch.errors import OutputError
 from manytouch.values.sensor_file import save_sensor
