@@ -218,9 +218,9 @@ def sheet(
 ) -> int:
     """Estimate properties of a sheet from presses at known places.
 
-    Of a clamped sheet: pretension, bending factor, thickness, outline and stiffness.
-    Of a bonded pad: stiffness, thickness and depth of the markers, from two or more
-    presses with a force.
+    Of a clamped sheet: pretension, bending factor, thickness, outline, stiffness.
+    Of a bonded pad: stiffness, thickness and depth of the markers, from two or
+    more presses with a force.
 
     The table has the columns input, time_s, x_mm, y_mm, radius_mm, normal_force_N.
     Each recording starts with the untouched sheet; time_s is the time at which a

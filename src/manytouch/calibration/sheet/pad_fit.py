@@ -18,7 +18,7 @@ from manytouch.estimation import PadEstimator
 from manytouch.estimation.pad.patch_fit import misfit_scale
 from manytouch.geometry.refraction import rest_px
 from manytouch.values import Contact, Sensor, Sheet, TrackedGrid
-from manytouch.values.arrays import Points2, Scalars
+from manytouch.values.arrays import Points2
 from manytouch.values.sensor_file.default_std import sheet_std
 
 FORCE_STD = 0.05
@@ -51,10 +51,10 @@ class EstimatedPresses:
     """
 
     contacts: tuple[Contact, ...]
-    force_over_E_mm2: Scalars
-    residual_px: Scalars
+    force_over_E_mm2: Float64[np.ndarray, " k"]
+    residual_px: Float64[np.ndarray, " k"]
     whitened: Float64[np.ndarray, "k r"]
-    scale: Scalars
+    scale: Float64[np.ndarray, " k"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -73,7 +73,7 @@ class PadParameters:
     sheet: Sheet
     log_young: float
     log_young_std: float
-    leave_one_out: Scalars
+    leave_one_out: Float64[np.ndarray, " k"]
     pressed: EstimatedPresses
 
 
@@ -134,7 +134,7 @@ def fit_pad(estimator: PadEstimator, sensor: Sensor, presses: Sequence[KnownPres
     read_N = np.array([np.nan if press.force_N is None else press.force_N for press in presses], np.float64)
     known = np.flatnonzero(np.isfinite(read_N))
 
-    def trial(change: Scalars, std_mm: Scalars) -> "_Trial":
+    def trial(change: Float64[np.ndarray, "2"], std_mm: Float64[np.ndarray, "2"]) -> "_Trial":
         tried = replace(sensor, sheet=_changed(sheet, change * stated_std_mm, std_mm))
         pressed = press_pad(estimator, tried, presses)
         log_young = np.log(read_N[known] / pressed.force_over_E_mm2[known])
@@ -174,11 +174,11 @@ class _Trial:
         log_young: (n,) logarithm of Young's modulus by each press with a force.
     """
 
-    change: Scalars
+    change: Float64[np.ndarray, "2"]
     pressed: EstimatedPresses
-    log_young: Scalars
+    log_young: Float64[np.ndarray, " n"]
 
-    def values(self, scale: Scalars, log_young: float = 0.0) -> Scalars:
+    def values(self, scale: Float64[np.ndarray, " k"], log_young: float = 0.0) -> Float64[np.ndarray, " r"]:
         """(n + k r + 2,) of forces, markers and prior, over their standard deviations.
 
         Errors of the model are alike in all presses: the markers of all count as those of one.
@@ -191,12 +191,14 @@ class _Trial:
         markers = self.pressed.whitened / np.sqrt(len(scale) * scale[:, None])
         return np.concatenate([forces, markers.ravel(), self.change])
 
-    def residual(self, scale: Scalars) -> Scalars:
+    def residual(self, scale: Float64[np.ndarray, " k"]) -> Float64[np.ndarray, " r"]:
         """The same with the modulus that fits best."""
         return self.values(scale, float(self.log_young.mean()))
 
 
-def _fitted(trial: Callable[[Scalars], _Trial], fitted: np.ndarray) -> tuple[Scalars, np.ndarray]:
+def _fitted(
+    trial: Callable[[np.ndarray], _Trial], fitted: np.ndarray
+) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "r 3"]]:
     """Change of thickness and depth, and (n + k r + 2, 3) slopes of `values` by ln E and by both.
 
     Args:
@@ -223,7 +225,7 @@ def _fitted(trial: Callable[[Scalars], _Trial], fitted: np.ndarray) -> tuple[Sca
     return best.change, slope
 
 
-def _changed(sheet: Sheet, change_mm: Scalars, std_mm: Scalars) -> Sheet:
+def _changed(sheet: Sheet, change_mm: Float64[np.ndarray, "2"], std_mm: Float64[np.ndarray, "2"]) -> Sheet:
     """A pad with changed thickness and depth of the markers, and their deviations."""
     thickness_mm = sheet.thickness_mm + float(change_mm[0])
     if sheet.marker_depth_mm is None:
