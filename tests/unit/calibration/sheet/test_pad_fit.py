@@ -105,7 +105,7 @@ def test_presses_of_a_solid_show_thickness_and_depth(thickness_mm: float, depth_
     found = fit_pad(PadEstimator(), replace(true, sheet=replace(true.sheet, **given, **stds)), solved)
     sheet = found.sheet
     assert sheet.thickness_std_mm is not None
-    assert sheet.thickness_std_mm < 0.15
+    assert sheet.thickness_std_mm < 0.17  # of 0.2 before
     assert abs(sheet.thickness_mm - 4.0) < 0.6 * abs(thickness_mm - 4.0)
     assert abs(sheet.thickness_mm - 4.0) < 2.0 * sheet.thickness_std_mm
     assert true.sheet.young_MPa is not None
