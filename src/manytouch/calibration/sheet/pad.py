@@ -55,7 +55,7 @@ def calibrate_pad(sensor: Sensor, presses: Sequence[KnownPress]) -> SheetCalibra
         )
     fit = fit_pad(PadEstimator(), sensor, presses)
     error = np.expm1(fit.leave_one_out)
-    least = float(np.sqrt(np.nanmean(fit.leave_one_out**2)))
+    least = float(np.sqrt(np.nanmean(np.log1p(error) ** 2)))
     std = max(float(np.hypot(fit.log_young_std, MODEL_SHARE)), least)
     young_MPa, contacts = float(np.exp(fit.log_young)), fit.pressed.contacts
     require_determined(presses, young_MPa, std * young_MPa, error)

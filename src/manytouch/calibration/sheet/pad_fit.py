@@ -140,25 +140,22 @@ def fit_pad(estimator: PadEstimator, sensor: Sensor, presses: Sequence[KnownPres
         log_young = np.log(read_N[known] / pressed.force_over_E_mm2[known])
         return _Trial(change=change, pressed=pressed, log_young=log_young)
 
-    change, slope = np.zeros(2), np.zeros((len(known) + 2, 3))
-    slope[: len(known), 0], slope[len(known) :, 1:] = -1.0 / FORCE_STD, np.eye(2)
-    if stated_std_mm.any():
-        change, slope = _fitted(lambda tried: trial(tried, np.zeros(2)), np.flatnonzero(stated_std_mm))
+    best, slope = _fitted(lambda tried: trial(tried, np.zeros(2)), np.flatnonzero(stated_std_mm))
     covariance = np.linalg.inv(slope.T @ slope)
-    fitted_std_mm = np.sqrt(np.diag(covariance)[1:]) * stated_std_mm
+    fitted_std_mm = np.sqrt(np.diag(covariance)[1:]) * best.scatter * stated_std_mm
     std_mm = np.minimum(stated_std_mm, np.hypot(fitted_std_mm, MODEL_STD * sheet.thickness_mm))
     # Trials keep thickness and depth as they are, else the estimator would fit them too. This one has the
     # deviations that are written: E belongs to the forces that follow from the new file.
-    best = trial(change, std_mm)
+    if std_mm.any():
+        best = trial(best.change, std_mm)
     forces = slope[: len(known)]
     leverage = np.einsum("np,pq,nq->n", forces, covariance, forces)
     leave_one_out = np.full(len(presses), np.nan)
     leave_one_out[known] = -(best.log_young - best.log_young.mean()) / (1.0 - leverage)
-    scatter = best.log_young.std(ddof=1) / FORCE_STD
     return PadParameters(
-        sheet=_changed(sheet, change * stated_std_mm, std_mm),
+        sheet=_changed(sheet, best.change * stated_std_mm, std_mm),
         log_young=float(best.log_young.mean()),
-        log_young_std=float(np.sqrt(covariance[0, 0]) * max(1.0, scatter)),
+        log_young_std=float(np.sqrt(covariance[0, 0])) * best.scatter,
         leave_one_out=leave_one_out,
         pressed=best.pressed,
     )
@@ -177,6 +174,11 @@ class _Trial:
     change: Float64[np.ndarray, "2"]
     pressed: EstimatedPresses
     log_young: Float64[np.ndarray, " n"]
+
+    @property
+    def scatter(self) -> float:
+        """That of the moduli over what is expected of them, at least 1."""
+        return max(1.0, float(self.log_young.std(ddof=1)) / FORCE_STD)
 
     def values(self, scale: Float64[np.ndarray, " k"], log_young: float = 0.0) -> Float64[np.ndarray, " r"]:
         """(n + k r + 2,) of forces, markers and prior, over their standard deviations.
@@ -198,8 +200,8 @@ class _Trial:
 
 def _fitted(
     trial: Callable[[np.ndarray], _Trial], fitted: np.ndarray
-) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "r 3"]]:
-    """Change of thickness and depth, and (n + k r + 2, 3) slopes of `values` by ln E and by both.
+) -> tuple[_Trial, Float64[np.ndarray, "r 3"]]:
+    """The best trial, and (n + k r + 2, 3) slopes of `values` by ln E, thickness and depth.
 
     Args:
         trial: the presses for a change.
@@ -213,7 +215,7 @@ def _fitted(
         step = DIFFERENCE_STDS * np.eye(2)[number]
         slope[:, 1 + number] = (trial(step).values(scale) - best.values(scale)) / DIFFERENCE_STDS
     share = 1.0
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_STEPS if len(fitted) > 0 else 0):
         step = -share * np.linalg.lstsq(slope, best.residual(scale))[0][1:]
         if np.abs(step).max() < SMALL_STEP_STDS:
             break
@@ -222,7 +224,7 @@ def _fitted(
             best = tried
         else:
             share *= 0.5
-    return best.change, slope
+    return best, slope
 
 
 def _changed(sheet: Sheet, change_mm: Float64[np.ndarray, "2"], std_mm: Float64[np.ndarray, "2"]) -> Sheet:
