@@ -43,7 +43,7 @@ def test_tiles_show_the_viewers_that_allow_it(browser: Browser, tmp_path: Path) 
     page.frame_locator("iframe[title='viewer of index']").locator("#contacts tbody").wait_for()
     # In one call: the page replaces its rows again and again.
     cells = page.evaluate(
-        "[...document.querySelectorAll('#sensors tr')].map(row => [...row.cells].map(cell => cell.textContent))"
+        "[...document.querySelectorAll('#sensors tr')].map(row => [...row.cells].map(one => one.textContent))"
     )
     assert page.frame_locator("iframe[title='viewer of thumb']").locator("#contacts").count() == 0
     page.set_viewport_size({"width": 390, "height": 844})

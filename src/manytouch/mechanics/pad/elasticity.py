@@ -20,7 +20,6 @@ from manytouch.mechanics.pad.axes import DEGREE_Z, Axis, depth_axis, lame_consta
 from manytouch.values.arrays import Points2, read_only
 
 _COUPLED_NODES = 3  # along an axis on each side of a node: those whose cubic splines share elements with its
-_STEP = 1e-6  # relative, of the thickness, in derivatives
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -90,7 +89,7 @@ def pad_response(
     """
     if patch.elements[0] % 2 == 0 or patch.elements[1] % 2 == 0:
         raise ValueError(f"a pad needs odd numbers of elements, not {patch.elements}")
-    lame, slope = np.array(lame_constants(poisson)), np.array(_lame_slopes(poisson))
+    lame, slope = lame_constants(poisson), _lame_slopes(poisson)
     at, by_share = _values_at(patch, marker_mm, 1.0 - marker_depth_mm / thickness_mm)
     count, nodes = len(marker_mm), patch.node_count
     marker, by_poisson, by_thickness, raised_by = (np.zeros((3 * count, 3 * nodes)) for _ in range(4))
@@ -100,18 +99,18 @@ def pad_response(
         own_at, own_raised = csr_array(at @ part.unfold), csr_array(by_share @ part.unfold)
         load = np.zeros((own_at.shape[1], len(part.on_face)))
         load[part.on_face, np.arange(len(part.on_face))] = 1.0
-        whole = np.tensordot(lame, part.stiffness, axes=1)
-        both = _solve(whole, np.hstack([load, own_at.toarray().T]), part.block)
+        right = np.hstack([load, own_at.toarray().T])
+        both = _solve(_weighted(part.stiffness, lame), right, part.block)
         answer, reciprocal = both[:, : load.shape[1]], both[:, load.shape[1] :]
         fold = csr_array(part.unfold_face.T)
         face += (fold.T @ (fold.T @ answer[part.on_face]).T).T
         marker += (fold.T @ (own_at @ answer).T).T
         pressed, upright = answer[:, 2::3], csr_array(part.unfold_face[2::3, 2::3])
-        for change, by_marker, by_depth in (
-            (np.tensordot(slope, part.stiffness, axes=1), by_poisson, depth_by_poisson),
-            (np.tensordot(lame, part.thicker, axes=1), by_thickness, depth_by_thickness),
+        for factors, matrices, by_marker, by_depth in (
+            (slope, part.stiffness, by_poisson, depth_by_poisson),
+            (lame, part.thicker, by_thickness, depth_by_thickness),
         ):
-            changed = change @ answer
+            changed = _product(_weighted(matrices, factors), answer, part.block)
             by_marker[:] -= (fold.T @ (reciprocal.T @ changed).T).T
             by_depth[:] -= (upright @ (upright @ (pressed.T @ changed[:, 2::3])).T).T
         raised_by += (fold.T @ (own_raised @ answer).T).T
@@ -138,7 +137,7 @@ def _lame_slopes(poisson: float) -> tuple[float, float]:
 def _parts(patch: SplinePatch, thickness_mm: float) -> Iterator[_Part]:
     """The four symmetries of a rectangular pad."""
     splines = [spline_axis(patch, axis) for axis in patch.axes]
-    through = [depth_axis(thickness_mm * (1.0 + side)) for side in (0.0, _STEP)]
+    axes = (*splines, depth_axis(thickness_mm))
     x_number = patch.axes.index(0)
     order = (x_number, 1 - x_number, 2)  # number of the axis of x, y, z among slow, fast, through
     half = [count // 2 for count in patch.shape]
@@ -155,10 +154,10 @@ def _parts(patch: SplinePatch, thickness_mm: float) -> Iterator[_Part]:
             for component in range(3)
         ]
         dense = [[each.toarray() for each in mirror] for mirror in mirrors]
-        stiffness, stretched = (_stiffness((*splines, axis), order, dense) for axis in through)
+        stiffness, thicker = _stiffness(axes, order, dense, thickness_mm)
         yield _Part(
             stiffness=stiffness,
-            thicker=(stretched - stiffness) / (_STEP * thickness_mm),
+            thicker=thicker,
             unfold=_interleaved([csr_array(kron(kron(each[0], each[1]), each[2])) for each in mirrors]),
             unfold_face=_interleaved([csr_array(kron(each[0], each[1])) for each in mirrors]),
             on_face=on_face.ravel(),
@@ -186,19 +185,27 @@ def _interleaved(block: Sequence[csr_array]) -> csr_array:
 
 
 def _stiffness(
-    axes: Sequence[Axis], order: Sequence[int], mirrors: Sequence[Sequence[np.ndarray]]
-) -> Float64[np.ndarray, "2 k k"]:
-    """The two stiffness matrices of a part, to be multiplied by the Lame constants.
+    axes: Sequence[Axis],
+    order: Sequence[int],
+    mirrors: Sequence[Sequence[np.ndarray]],
+    thickness_mm: float,
+) -> tuple[Float64[np.ndarray, "2 k k"], Float64[np.ndarray, "2 k k"]]:
+    """The two stiffness matrices of a part, to be multiplied by the Lame constants, and their derivatives.
+
+    Integrals of two values through the thickness are proportional to it, those of two slopes to its inverse,
+    and those of a value and a slope do not depend on it.
 
     Args:
         axes: along the slow and the fast axis and through the thickness.
         order: number of the axis in `axes` of x, y and z.
         mirrors: for each component and axis, the functions of the part.
+        thickness_mm: of the pad.
     """
     sizes = [mirrors[0][number].shape[1] for number in range(3)]
+    stiffness, thicker = np.zeros((2, 2, *sizes, 3, *sizes, 3))
 
-    def product(row: int, column: int, along_row: int, along_column: int) -> np.ndarray:
-        """Integral of a derivative of the functions of one component times one of those of another."""
+    def add(lame: int, row: int, column: int, along_row: int, along_column: int) -> None:
+        """The integral of a derivative of the functions of one component times one of those of another."""
         parts = []
         for number, axis in enumerate(axes):
             by_row, by_column = order[along_row] == number, order[along_column] == number
@@ -208,18 +215,39 @@ def _stiffness(
                 matrix = axis.mixed.T if by_column else axis.value
             parts.append(mirrors[row][number].T @ matrix @ mirrors[column][number])
         in_plane = np.einsum("ab,cd->acbd", parts[0], parts[1])
-        return np.asarray(in_plane[:, :, None, :, :, None] * parts[2][:, None, None, :])
+        found = in_plane[:, :, None, :, :, None] * parts[2][:, None, None, :]
+        stiffness[lame, :, :, :, row, :, :, :, column] += found
+        power = 1 - (along_row == 2) - (along_column == 2)
+        if power:
+            thicker[lame, :, :, :, row, :, :, :, column] += power / thickness_mm * found
 
-    total = np.zeros((2, *sizes, 3, *sizes, 3))
-    for row in range(3):
-        for column in range(3):
-            total[0, :, :, :, row, :, :, :, column] = product(row, column, row, column)
-            second = product(row, column, column, row)
-            if row == column:
-                second = second + sum(product(row, row, along, along) for along in range(3))
-            total[1, :, :, :, row, :, :, :, column] = second
+    for row, column in np.ndindex(3, 3):
+        add(0, row, column, row, column)
+        add(1, row, column, column, row)
+    for row, along in np.ndindex(3, 3):
+        add(1, row, row, along, along)
     unknowns = 3 * int(np.prod(sizes))
-    return total.reshape(2, unknowns, unknowns)
+    return stiffness.reshape(2, unknowns, unknowns), thicker.reshape(2, unknowns, unknowns)
+
+
+def _weighted(
+    matrices: Float64[np.ndarray, "2 k k"], factors: tuple[float, float]
+) -> Float64[np.ndarray, "k k"]:
+    """The sum of two matrices, each times a factor."""
+    total = np.asarray(factors[0] * matrices[0])
+    total += factors[1] * matrices[1]
+    return total
+
+
+def _product(
+    matrix: Float64[np.ndarray, "k k"], right: Float64[np.ndarray, "k r"], block: int
+) -> Float64[np.ndarray, "k r"]:
+    """The product of a block tridiagonal matrix with others."""
+    found = np.empty_like(right)
+    for start in range(0, len(matrix), block):
+        near = slice(max(start - block, 0), start + 2 * block)
+        found[start : start + block] = matrix[start : start + block, near] @ right[near]
+    return found
 
 
 def _solve(

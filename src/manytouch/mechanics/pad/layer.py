@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.special import jv, roots_legendre
+from scipy.special import j0, j1, roots_legendre
 
 from manytouch.mechanics.pad.axes import lame_constants
 from manytouch.values.arrays import Scalars
@@ -112,7 +112,9 @@ def radial_table(
     dk = 0.5 * most * (place + 1.0) * weight
     response = layer_response(k, thickness_mm, poisson, depth_mm)
     part = np.exp(-0.5 * (k * root_mm[:, None]) ** 2) * (k * dk / (2.0 * np.pi))
-    zero, one, two = (jv(order, np.outer(distance_mm, k)) for order in range(3))
+    phase = np.outer(distance_mm, k)
+    zero, one = j0(phase), j1(phase)
+    two = np.divide(2.0 * one, phase, out=zero.copy(), where=phase > 0.0) - zero
     mean, half = 0.5 * (response.along + response.across), 0.5 * (response.along - response.across)
     return np.stack(
         [

@@ -44,49 +44,6 @@ def _interpolate(row: np.ndarray, x: float) -> float:
     return float((1.0 - share) * row[index] + share * row[index + 1])
 
 
-@kernel()
-@no_type_check
-def _over_chords(
-    dx: float, dy: float, mxx: float, mxy: float, determinant: float, blur: float, table: np.ndarray
-) -> float:
-    """The blurred ellipse at (dx, dy) from its centre: its chords along x, weighted over y."""
-    extent = math.sqrt(mxx / determinant)
-    low = max((dy - REACH * blur) / extent, -1.0)
-    high = min((dy + REACH * blur) / extent, 1.0)
-    if low >= high:
-        return 0.0
-    begin, end = math.asin(low), math.asin(high)
-    middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
-    total = 0.0
-    for node in range(NODES.shape[0]):
-        angle = middle + half * NODES[node]
-        y, cosine = extent * math.sin(angle), math.cos(angle)
-        centre, reach = -mxy * y / mxx, cosine / math.sqrt(mxx)
-        chord = _interpolate(table[0], (dx - centre - reach) / blur) - _interpolate(
-            table[0], (dx - centre + reach) / blur
-        )
-        total += WEIGHTS[node] * _interpolate(table[1], (dy - y) / blur) * chord * cosine
-    return total * half * extent / blur
-
-
-@kernel()
-@no_type_check
-def _along_normal(
-    dx: float, dy: float, mxx: float, mxy: float, myy: float, blur: float, table: np.ndarray
-) -> float:
-    """The blurred ellipse at (dx, dy) from its centre, where its boundary is nearly straight."""
-    gx, gy = mxx * dx + mxy * dy, mxy * dx + myy * dy
-    level = math.sqrt(max(dx * gx + dy * gy, 1e-30))
-    steepness = math.sqrt(gx * gx + gy * gy) / level
-    scaled = (level - 1.0) / steepness / blur
-    if scaled >= REACH:
-        return 0.0
-    if scaled <= -REACH:
-        return 1.0
-    curvature = (mxx * myy - mxy * mxy) / steepness**3
-    return _interpolate(table[0], scaled) - 0.5 * blur * curvature * _interpolate(table[1], scaled)
-
-
 class _Ellipse(NamedTuple):
     """One dot in the image, from its centre.
 
@@ -114,6 +71,74 @@ class _Ellipse(NamedTuple):
     reach_y: float
 
 
+class _Chords(NamedTuple):
+    """Chords along x of an ellipse, one per node of the quadrature, for the pixels of one row.
+
+    Attributes:
+        centre, reach: (20,) middle from the ellipse's centre and half length, px.
+        weight: (20,) of the quadrature, times the point spread over y.
+        cosine: (20,) of the angle of the chord's end.
+    """
+
+    centre: np.ndarray
+    reach: np.ndarray
+    weight: np.ndarray
+    cosine: np.ndarray
+
+
+@kernel()
+@no_type_check
+def _find_chords(dy: float, dot: _Ellipse, table: np.ndarray, chords: _Chords) -> float:
+    """Fill the chords that a row at dy from the centre needs; the factor of their sum, 0 without chords."""
+    extent = math.sqrt(dot.mxx / (dot.mxx * dot.myy - dot.mxy * dot.mxy))
+    low = max((dy - REACH * dot.blur) / extent, -1.0)
+    high = min((dy + REACH * dot.blur) / extent, 1.0)
+    if low >= high:
+        return 0.0
+    begin, end = math.asin(low), math.asin(high)
+    middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
+    for node in range(NODES.shape[0]):
+        angle = middle + half * NODES[node]
+        y, cosine = extent * math.sin(angle), math.cos(angle)
+        chords.centre[node] = -dot.mxy * y / dot.mxx
+        chords.reach[node] = cosine / math.sqrt(dot.mxx)
+        chords.weight[node] = WEIGHTS[node] * _interpolate(table[1], (dy - y) / dot.blur)
+        chords.cosine[node] = cosine
+    return half * extent
+
+
+@kernel()
+@no_type_check
+def _over_chords(dx: float, blur: float, factor: float, table: np.ndarray, chords: _Chords) -> float:
+    """The blurred ellipse at dx from its centre in the row of the chords, weighted over y."""
+    total = 0.0
+    for node in range(NODES.shape[0]):
+        from_centre = dx - chords.centre[node]
+        chord = _interpolate(table[0], (from_centre - chords.reach[node]) / blur) - _interpolate(
+            table[0], (from_centre + chords.reach[node]) / blur
+        )
+        total += chords.weight[node] * chord * chords.cosine[node]
+    return total * factor / blur
+
+
+@kernel()
+@no_type_check
+def _along_normal(
+    dx: float, dy: float, mxx: float, mxy: float, myy: float, blur: float, table: np.ndarray
+) -> float:
+    """The blurred ellipse at (dx, dy) from its centre, where its boundary is nearly straight."""
+    gx, gy = mxx * dx + mxy * dy, mxy * dx + myy * dy
+    level = math.sqrt(max(dx * gx + dy * gy, 1e-30))
+    steepness = math.sqrt(gx * gx + gy * gy) / level
+    scaled = (level - 1.0) / steepness / blur
+    if scaled >= REACH:
+        return 0.0
+    if scaled <= -REACH:
+        return 1.0
+    curvature = (mxx * myy - mxy * mxy) / steepness**3
+    return _interpolate(table[0], scaled) - 0.5 * blur * curvature * _interpolate(table[1], scaled)
+
+
 @kernel(forceinline=True)
 @no_type_check
 def _ellipse(shape: np.ndarray, area: float, blur: float) -> _Ellipse:
@@ -132,14 +157,15 @@ def _ellipse(shape: np.ndarray, area: float, blur: float) -> _Ellipse:
 
 @kernel(forceinline=True)
 @no_type_check
-def _share_of_pixel(dx: float, dy: float, dot: _Ellipse, table: np.ndarray) -> float:
+def _share_of_pixel(
+    dx: float, dy: float, dot: _Ellipse, factor: float, table: np.ndarray, chords: _Chords
+) -> float:
     """The blurred ellipse at (dx, dy) from its centre; -1 where it is not reached."""
     square = dot.mxx * dx * dx + 2.0 * dot.mxy * dx * dy + dot.myy * dy * dy
     if square > dot.outer:
         return -1.0
     if dot.is_small:
-        determinant = dot.mxx * dot.myy - dot.mxy * dot.mxy
-        return _over_chords(dx, dy, dot.mxx, dot.mxy, determinant, dot.blur, table)
+        return _over_chords(dx, dot.blur, factor, table, chords)
     if square > dot.inner:
         return _along_normal(dx, dy, dot.mxx, dot.mxy, dot.myy, dot.blur, table)
     return 1.0
@@ -168,6 +194,8 @@ def add_discs(
         table: see `profile_table`.
     """
     rows, columns = coverage.shape
+    nodes = NODES.shape[0]
+    chords = _Chords(np.empty(nodes), np.empty(nodes), np.empty(nodes), np.empty(nodes))
     for number in range(centre.shape[0]):
         x, y = centre[number, 0], centre[number, 1]
         area = shape[number, 0, 0] * shape[number, 1, 1] - shape[number, 0, 1] * shape[number, 1, 0]
@@ -180,9 +208,10 @@ def add_discs(
         first_column, last_column = max(math.ceil(x - dot.reach_x), 0), math.floor(x + dot.reach_x) + 1
         for row in range(first_row, min(last_row, rows)):
             dy = row - y
+            factor = _find_chords(dy, dot, table, chords) if dot.is_small else 0.0
             for column in range(first_column, min(last_column, columns)):
                 dx = column - x
-                part = _share_of_pixel(dx, dy, dot, table)
+                part = _share_of_pixel(dx, dy, dot, factor, table, chords)
                 if part < 0.0:
                     continue
                 if normal_px > 0.0 and math.isfinite(cut_at):
