@@ -147,7 +147,7 @@ def test_presses_that_are_held_are_listed_as_a_table_for_the_calibration(tmp_pat
 
 
 def test_ctrl_c_leaves_what_is_whole_and_the_same_command_goes_on(tmp_path: Path) -> None:
-    slow = SCENE.replace("element_mm = 4.0", "element_mm = 2.0").replace("step_mm = 2.0", "step_mm = 0.5")
+    slow = SCENE.replace("step_mm = 2.0", "step_mm = 0.1")
     surroundings = os.environ | {"PYTHONUNBUFFERED": "1"}
     running = subprocess.Popen(
         written(tmp_path, slow), cwd=tmp_path, env=surroundings, stdout=subprocess.PIPE, text=True

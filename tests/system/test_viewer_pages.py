@@ -140,7 +140,14 @@ def test_labels_cover_neither_each_other_nor_the_colour_bar(
     page.close()
 
 
-@pytest.mark.parametrize("size", [(640, 560), (340, 560), (390, 844)])
+@pytest.mark.parametrize(
+    "size",
+    [
+        pytest.param((640, 560), marks=pytest.mark.slow),
+        (340, 560),
+        pytest.param((390, 844), marks=pytest.mark.slow),
+    ],
+)
 def test_head_and_tools_of_the_surface_are_whole_in_the_tile_of_a_rig(
     browser: Browser, shown: tuple[FakeSession, Viewer], size: tuple[int, int]
 ) -> None:

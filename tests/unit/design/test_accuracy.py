@@ -54,6 +54,7 @@ def prototype(found):
     return coarse_prototype(found.sensor)
 
 
+@pytest.mark.slow
 def test_a_prototype_moves_the_markers_approximately_as_the_shell_does(found):
     pressed = Prototype.of(found.sensor).press(FINGERTIP, np.array([5.0, -4.0]), 2.0)
     assert pressed.contact.centre_mm == pytest.approx([5.0, -4.0], abs=0.3)

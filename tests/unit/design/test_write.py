@@ -18,24 +18,23 @@ from manytouch.design.parts.meshing import make_mesh
 from manytouch.design.write import write_design
 from manytouch.values.sensor_file import load_sensor
 
+STEP_FILES = {"parts/casing.step", "parts/clamp.step"}
 FEW_SCREWS = CasingChoices(screw_every_mm=80.0)
 
 
-def test_a_design_is_written_with_all_its_files(found, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("step", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_design_is_written_with_all_its_files(
+    step: bool, found, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setattr(pictures, "SAMPLES_PER_PX", 1.0)
-    assert write_design(found, tmp_path, choices=FEW_SCREWS, step=True) == ()
+    assert write_design(found, tmp_path, choices=FEW_SCREWS, step=step) == ()
     names = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
     assert names >= {
         *("sensor.toml", "design.md", "assembly.md", "bill_of_materials.csv", "parts.png", "assembly.png"),
         *(f"parts/{name}" for name in ("sheet.stl", "markers.stl", "clamp.stl", "casing.stl", "sheet.3mf")),
-        *(
-            "parts/casing.step",
-            "parts/clamp.step",
-            "patterns/markers.pdf",
-            "patterns/chessboard-9x6.svg",
-            "patterns/charuco-10x7.pdf",
-        ),
+        *("patterns/markers.pdf", "patterns/chessboard-9x6.svg", "patterns/charuco-10x7.pdf"),
     }
+    assert names & STEP_FILES == (STEP_FILES if step else set())
     assert load_sensor(tmp_path / "sensor.toml").layout.shape == found.sensor.layout.shape
     blue, green, red = np.moveaxis(cv2.imread(str(tmp_path / "assembly.png")).astype(int), -1, 0)
     is_strip, is_board = (red > blue + 60) & (green > blue + 40), (green > red + 15) & (green > blue + 10)
@@ -52,10 +51,12 @@ def test_a_design_is_written_with_all_its_files(found, tmp_path: Path, monkeypat
     in_order = ["Print `casing.stl`", "calibrate camera", "Lay the sheet on the rim", "calibrate rest"]
     assert sorted(in_order, key=guide.index) == in_order
     assert items["nut"]["count"] == str(len(screw_places(found.sensor, FEW_SCREWS)))
+    if not step:
+        return
     import build123d
 
     casing = next(part for part in make_parts(found.sensor, "TPU", FEW_SCREWS) if part.name == "casing")
-    step = build123d.import_step(tmp_path / "parts" / "casing.step")
+    casing_step = build123d.import_step(tmp_path / "parts" / "casing.step")
     mesh = make_mesh(casing.solid)
-    assert step.volume == pytest.approx(mesh.volume_mm3, rel=1e-4)
-    assert [*step.bounding_box().min] == pytest.approx(mesh.vertex_mm.min(axis=0), abs=0.02)
+    assert casing_step.volume == pytest.approx(mesh.volume_mm3, rel=1e-4)
+    assert [*casing_step.bounding_box().min] == pytest.approx(mesh.vertex_mm.min(axis=0), abs=0.02)

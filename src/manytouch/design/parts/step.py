@@ -25,8 +25,10 @@ def write_step(solid: Solid, path: Path) -> None:
         written = export_step(shape, str(path))
     except OSError as error:
         raise OutputError(f"cannot write {path}: {error.strerror}") from None
+    except RuntimeError:  # of build123d where a file cannot be opened
+        written = False
     if not written:
-        raise OutputError(f"cannot write {path}")
+        raise OutputError(f"cannot write {path}: check that its folder exists and may be written to")
 
 
 def _union(items: tuple[Primitive, ...]) -> Any:

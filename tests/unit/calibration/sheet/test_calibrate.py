@@ -316,6 +316,7 @@ def test_a_clamp_that_is_not_where_the_file_has_it_is_found():
     assert 0.01 < found.sheet.outline_std_mm < 0.3
 
 
+@pytest.mark.slow
 def test_an_outline_that_the_file_states_exactly_hardly_moves():
     """The rest is the error of the shell next to its clamp."""
     sensor = small_sensor()
@@ -329,7 +330,9 @@ def test_an_outline_that_the_file_states_exactly_hardly_moves():
     assert np.abs(exact).min() > np.abs(free).max()
 
 
-@pytest.mark.parametrize(("std", "least", "most"), [(0.0, 0.0, 1e-4), (0.5, 0.005, 1.0)])
+@pytest.mark.parametrize(
+    ("std", "least", "most"), [pytest.param(0.0, 0.0, 1e-4, marks=pytest.mark.slow), (0.5, 0.005, 1.0)]
+)
 def test_a_stated_deviation_of_the_bending_factor_limits_how_far_it_moves(std, least, most):
     """Presses of a sheet that bends as if it were 30 % stiffer than the file states."""
     sensor = small_sensor()
@@ -338,6 +341,7 @@ def test_a_stated_deviation_of_the_bending_factor_limits_how_far_it_moves(std, l
     assert least <= abs(found / 0.7 - 1.0) < most
 
 
+@pytest.mark.slow
 def test_an_error_that_all_dots_share_does_not_outweigh_the_readings():
     """The displacements near the press are 1 % too small, which neither a shell nor noise explains."""
     sensor = small_sensor()
