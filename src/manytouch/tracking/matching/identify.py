@@ -31,7 +31,7 @@ from manytouch.tracking.matching.records import (
 from manytouch.tracking.matching.relative_appearance import QUANTITIES, measure_difference
 from manytouch.tracking.matching.shift_ambiguity import choose_shift, is_rigid_jump
 from manytouch.tracking.matching.spatial_hash import build_grid, match_nearest
-from manytouch.tracking.matching.verification import drop_folded, verify
+from manytouch.tracking.matching.verification import drop_folded, drop_replaceable, verify
 
 
 class IdentificationParameters(NamedTuple):
@@ -168,6 +168,7 @@ def _grow_and_verify(
         dropped = verify(count, graph, state, assignment, tolerance_px, is_calm, workspace)
         if is_calm:
             return False
+        dropped += drop_replaceable(grid, count, graph, assignment, tolerance_px)
         fill_displacements(nodes, graph, assignment, workspace)
         if mark_mismatched(markers, grid, graph, assignment, workspace.delayed, workspace.flag):
             # Each time more is removed on both sides of the boundary, until the mismatch is gone.

@@ -21,7 +21,8 @@ from manytouch.tracking.matching.affine_fit import (
     least_stretch,
     rms_residual,
 )
-from manytouch.tracking.matching.records import Assignment, GraphArrays, MatchingState, Workspace
+from manytouch.tracking.matching.records import Assignment, DotGrid, GraphArrays, MatchingState, Workspace
+from manytouch.tracking.matching.spatial_hash import nearest_free_dot
 
 
 class VerificationParameters(NamedTuple):
@@ -39,6 +40,8 @@ class VerificationParameters(NamedTuple):
         largest: of all tolerances, times the least stretch.
         least_neighbours: with fewer known neighbours, a dot is dropped unless the frame is calm.
         sparse_count: with fewer known neighbours, the largest tolerance applies.
+        replaceable: share of the distance of a dot from the robust affine fit, within which another dot
+            that belongs to no node makes it doubtful.
         fold_ratio: area of a triangle over that at rest, below which it has turned over or collapsed.
         rounds: of dropping the worst.
     """
@@ -55,6 +58,7 @@ class VerificationParameters(NamedTuple):
     largest: float = 0.42
     least_neighbours: int = 3
     sparse_count: int = 6
+    replaceable: float = 0.6
     fold_ratio: float = 0.04
     rounds: int = 8
 
@@ -278,6 +282,36 @@ def verify(
                 if neighbour[j] < count:
                     is_changed[neighbour[j]] = True
         dropped += number
+    return dropped
+
+
+@kernel()
+@no_type_check
+def drop_replaceable(
+    grid: DotGrid, count: int, graph: GraphArrays, assignment: Assignment, noise_px: float
+) -> int:
+    """Drops dots of the first `count` nodes where a dot of no node is much nearer to the prediction.
+
+    The prediction is a robust affine fit to the neighbours. Where many dots are missing, a false dot can be
+    accepted at the end of a prediction from few neighbours, and then contradicts those that come later.
+    Returns how many were dropped.
+    """
+    dot, _, is_used = assignment
+    dropped = 0
+    for k in range(count):
+        if dot[k] < 0 or _is_smooth(k, graph, assignment, noise_px):
+            continue
+        fit, used = fit_affine(k, graph, assignment, NO_FIT, False)
+        if used < VERIFICATION.least_neighbours:
+            continue
+        for _ in range(2):
+            fit, _ = fit_affine(k, graph, assignment, fit, True)
+        off_px = _affine_error(k, assignment, fit)
+        x, y = graph.rest_px[k, 0] + fit.shift_x, graph.rest_px[k, 1] + fit.shift_y
+        if nearest_free_dot(grid, x, y, VERIFICATION.replaceable * off_px, is_used) >= 0:
+            is_used[dot[k]] = False
+            dot[k] = -1
+            dropped += 1
     return dropped
 
 

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from manytouch.tracking.matching.records import MatchingState
+from manytouch.tracking.matching.spatial_hash import build_grid
 from manytouch.tracking.matching.verification import (
     VERIFICATION,
     drop_folded,
+    drop_replaceable,
     interpolation_error,
     line_error,
     verify,
@@ -83,6 +85,24 @@ def test_right_dots_are_kept_and_wrong_ones_dropped(scene, is_calm):
     assert (assignment.dot[wrong] == -1).all()
     assert dropped == (assignment.dot[:count] < 0).sum()
     assert dropped <= len(wrong) + 3
+
+
+def test_a_dot_is_dropped_where_a_free_one_is_nearer_to_the_prediction(scene):
+    graph, assignment = scene.graph.arrays, scene.assignment(1.1)
+    count, centre = scene.graph.marker_count, np.array(scene.dots.centre_px)
+    (false, *_) = np.flatnonzero(~assignment.is_used)
+    others = np.flatnonzero(~assignment.is_used)[1:]
+    centre[others] = -1e3
+    k = 38
+    right = int(assignment.dot[k])
+    centre[false] = centre[right] + np.array([0.35, 0.1]) * graph.spacing_px[k]
+    grid = build_grid(centre, graph.spacing_px[k])
+    assert drop_replaceable(grid, count, graph, assignment, 0.1) == 0
+    assignment.dot[k], assignment.is_used[right], assignment.is_used[false] = false, False, True
+    assignment.displacement_px[k] = centre[false] - graph.rest_px[k]
+    assert drop_replaceable(grid, count, graph, assignment, 0.1) == 1
+    assert assignment.dot[k] == -1
+    assert not assignment.is_used[false]
 
 
 def test_of_a_folded_triangle_the_corner_with_the_largest_error_is_dropped(scene):
