@@ -99,7 +99,7 @@ class RigidFaces:
         joined, is_done = clusters, np.zeros(count, dtype=np.bool_)
         for group in _components(is_flat):
             for own in self._without_weak(clusters, group, _PLANE - 1):
-                if self._is_plane(clusters, depth_mm, own):
+                if not was_apart[np.ix_(own, own)].any() and self._is_plane(clusters, depth_mm, own):
                     face = self._with_enclosed(model, clusters, own, group)
                     joined, is_done[face] = self._join(joined, clusters, face), True
                     break
