@@ -5,7 +5,7 @@ between two objects on a taut sheet it is. On a slack sheet, whose hollow joins 
 not decide. Two clusters are therefore joined where a bar explains the markers as well as two patches do
 (`bars`). A face that presses with its ends only is the same load as two balls: two clusters that are not near
 each other, or three that are not in a row, are joined if they began together and are about as deep and as
-strong.
+strong. Four or more are joined if their depths are on one plane, unless two of them were contacts before.
 """
 
 from collections.abc import Iterator

@@ -8,6 +8,7 @@ from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, clu
 from manytouch.estimation.mechanics.clusters.rigid_faces import RigidFaces
 from pressed_sheet import contacts_of, pressed, slack_sensor
 
+NO_CONTACT = np.zeros((0, 2))
 HALF_MM = 5.5  # from the middle of the face to each of two edges that press
 
 
@@ -37,7 +38,9 @@ def test_a_face_that_comes_to_press_with_two_edges_stays_one_contact(began_as_on
         assert len(contacts_of([*rest, *flat, *split], RigidFaces(same_centre_pitch=0.0)).touching) == 2
 
 
-def joined(place_mm: np.ndarray, depth_mm: list[float], force_mm2: list[float]) -> Clusters:
+def joined(
+    place_mm: np.ndarray, depth_mm: list[float], force_mm2: list[float], previous_mm: np.ndarray = NO_CONTACT
+) -> Clusters:
     """What becomes of forces at some places of a sheet that is everywhere as deep as at the nearest place."""
     model = MechanicsEstimator().start(slack_sensor()).model
     coefficient_mm = np.zeros((model.patch.node_count, 3))
@@ -50,7 +53,7 @@ def joined(place_mm: np.ndarray, depth_mm: list[float], force_mm2: list[float]) 
         model,
         coefficient_mm,
         cluster_moments(model.nodes, nodal_mm2, label),
-        np.zeros((0, 2)),
+        previous_mm,
         lambda node: None,
     )
 
@@ -66,6 +69,15 @@ def test_four_forces_in_a_row_are_one_bar_if_the_sheet_is_flat_under_them(
 ) -> None:
     found = joined(row_mm(half_mm, 4), list(depths_mm), [0.01] * 4)
     assert len(found) == (1 if len(set(depths_mm)) == 1 else 4)
+
+
+@pytest.mark.parametrize(("before", "count"), [((), 1), ((0,), 1), ((0, 3), 4)])
+def test_four_forces_on_a_plane_are_one_face_unless_two_of_them_were_apart(
+    before: tuple[int, ...], count: int
+) -> None:
+    place_mm = np.array([[-10.0, -6.0], [10.0, -6.0], [10.0, 6.0], [-10.0, 6.0]])
+    found = joined(place_mm, [1.0] * 4, [0.01] * 4, place_mm[list(before)])
+    assert len(found) == count
 
 
 @pytest.mark.parametrize(("force_mm2", "count"), [(0.002, 2), (0.008, 5)])
