@@ -126,7 +126,7 @@ class MechanicsEstimator:
             model = model.with_pretension(pretension.mean_mm)
         at_rest_px = rest_px(sensor, layout)
         pitch_px = model.pitch_mm / mm_per_px(sensor.camera)
-        model_std_px = self.marker_noise.constant_std_px(pitch_px, sensor)
+        model_std_px = self.marker_noise.constant_std_px(pitch_px, model.pitch_thickness, sensor)
         shape = SheetShape.at_rest(model)
         weight_per_mm4 = self.gauss_newton.weights(model, shape.force_mm2)
         centre_noise_px = sensor.centre_noise_px or self.marker_noise.default_centre_noise_px

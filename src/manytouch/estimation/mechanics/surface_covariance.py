@@ -22,20 +22,24 @@ class MarkerNoise:
 
     Attributes:
         model_std_pitch: standard deviation of a marker image that the model does not explain, in pitches.
+        max_pitch_thickness: a pitch of more thicknesses counts as one of so many. What the model does not
+            explain extends over thicknesses, and a press moves markers that are further apart by less. It was
+            chosen on presses with pitches of 1.5 to 5 thicknesses.
         default_centre_noise_px: noise of centres if the sensor does not state it.
         usual_ratio: largest ratio of the whole standard deviation of marker images to that of model and rest
             positions in a frame that does not count as noisy.
     """
 
     model_std_pitch: float = 8.4e-4
+    max_pitch_thickness: float = 2.0
     default_centre_noise_px: float = 0.05
     usual_ratio: float = 1.5
 
-    def unexplained_std_px(self, pitch_px: float) -> float:
-        """`model_std_pitch` in pixels, for a pitch in the image."""
-        return pitch_px * self.model_std_pitch
+    def unexplained_std_px(self, pitch_px: float, pitch_thickness: float) -> float:
+        """`model_std_pitch` in pixels, for a pitch in the image and in thicknesses of the sheet."""
+        return pitch_px * min(1.0, self.max_pitch_thickness / pitch_thickness) * self.model_std_pitch
 
-    def constant_std_px(self, pitch_px: float, sensor: Sensor) -> float:
+    def constant_std_px(self, pitch_px: float, pitch_thickness: float, sensor: Sensor) -> float:
         """Standard deviation that all frames have in common: of the model, and of the rest positions.
 
         A rest position is the mean over the frames at rest of this recording. With the usual number of them
@@ -44,7 +48,7 @@ class MarkerNoise:
         frames = USUAL_REST_FRAMES if sensor.rest_frames is None else sensor.rest_frames
         noise_px = sensor.centre_noise_px or self.default_centre_noise_px
         excess = max(0.0, 1.0 / frames - 1.0 / USUAL_REST_FRAMES)
-        return float(np.hypot(self.unexplained_std_px(pitch_px), noise_px * excess**0.5))
+        return float(np.hypot(self.unexplained_std_px(pitch_px, pitch_thickness), noise_px * excess**0.5))
 
     def frame_std_px(self, grid: TrackedGrid, model_std_px: float) -> float:
         """Median standard deviation of the marker images of a frame along an axis.

@@ -26,6 +26,7 @@ from manytouch.values.display.text import count_of
 SCHEMA = 1
 SHORTEST_REST_S = 0.5  # before the first contact, for rest positions from the first frames
 MOSTLY = 0.5  # share of the usable frames above which frames that the sheet does not describe are most
+COARSE_THICKNESS = 3.5  # pitch from which on depths between markers are wrong by more than their deviations
 RARELY_SEEN = 0.5  # share of the frames below which a marker causes a warning
 
 
@@ -216,7 +217,7 @@ class Summary:
         for sentence in found if isinstance(found, list | tuple) else ():
             sentences.append(f"the sensor file was made with a warning: {sentence}")
         sentences += [*self._added, *self._rest_warnings(), *self.forces.warnings(self._sensor)]
-        sentences += self._end.warnings(self.noise_px["median"])
+        sentences += self._coarse_pitch() + self._end.warnings(self.noise_px["median"])
         if self._recording.get("warning") is not None:
             sentences.append(str(self._recording["warning"]))
         announced = self._recording.get("frame_count")
@@ -237,6 +238,20 @@ class Summary:
     def _has_known_sheet(self) -> bool:
         sheet = self._sensor.sheet
         return sheet is not None and not sheet.is_assumed
+
+    def _coarse_pitch(self) -> list[str]:
+        """A warning if the markers of a known sheet are too far apart for mechanics."""
+        sheet = self._sensor.sheet
+        if self._method != "mechanics" or not self._has_known_sheet or sheet is None:
+            return []
+        thicknesses = float(np.sqrt(np.prod(layout_of(self._sensor).pitch_mm))) / sheet.thickness_mm
+        if sheet.boundary == "bonded" or thicknesses < COARSE_THICKNESS:
+            return []
+        return [
+            f"the markers are {thicknesses:.1f} thicknesses of the sheet apart. Presses between them that "
+            "are not deeper than a thickness may be missed, and their depths may be off by more than their "
+            "standard deviations: print markers at most 3 thicknesses apart, or correct thickness_mm"
+        ]
 
     def _rest_warnings(self) -> list[str]:
         """A warning if a contact begins shortly after the frames from which the rest positions are."""

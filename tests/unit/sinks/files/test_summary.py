@@ -150,6 +150,18 @@ def test_a_sensor_file_that_describes_few_frames_does_not_fit(sensor, reading_of
         assert ("Do not use the contacts, depths and forces of this run" in sentence) == (not fits)
 
 
+@pytest.mark.parametrize(
+    ("pitch_thickness", "method", "warns"),
+    [(3.0, "mechanics", False), (4.0, "mechanics", True), (4.0, "perimeter", False)],
+)
+def test_markers_far_apart_are_a_warning_of_the_mechanics(sensor, pitch_thickness, method, warns):
+    pitch_mm = float(np.sqrt(np.prod(sensor.layout.pitch_mm)))
+    sheet = Sheet(size_mm=np.array([30.0, 30.0]), thickness_mm=pitch_mm / pitch_thickness)
+    for given, is_known in ((sheet, True), (replace(sheet, is_assumed=True), False)):
+        found = summary_of(replace(sensor, sheet=given), method=method).warnings()
+        assert any("4.0 thicknesses of the sheet apart" in each for each in found) == (warns and is_known)
+
+
 def test_markers_are_not_blamed_for_pictures_that_are_missing(tmp_path, sensor, reading_of):
     summary = summary_of(sensor)
     for index in range(3):

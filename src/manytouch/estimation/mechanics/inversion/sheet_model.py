@@ -57,6 +57,11 @@ class InversionModel:
     is_assumed: bool
     assumed_depth_std: float
 
+    @property
+    def pitch_thickness(self) -> float:
+        """The pitch over the thickness."""
+        return self.pitch_mm / self.thickness_mm
+
     def with_pretension(self, over_E_mm: float) -> "InversionModel":
         """The model with another membrane force per length at rest, over E."""
         shell = replace(self.shell, pretension_over_E_mm=over_E_mm)
