@@ -93,12 +93,26 @@ class ContactRules:
         clusters = clusters.with_sheet_error(model.nodes, response.force_change_mm2[:, :, 2])
         if model.is_assumed:
             return clusters, stds
-        node = np.flatnonzero(clusters.label >= 0)
-        change_mm2 = np.bincount(clusters.label[node], response.by_outline_mm2[node], minlength=len(clusters))
         is_strongest = clusters.normal_mm2 >= clusters.normal_mm2.max(initial=0.0)
-        is_beyond = clusters.normal_mm2 >= self.outline_stds * np.abs(change_mm2)
+        is_beyond = clusters.normal_mm2 >= self.outline_stds * _change_by_outline_mm2(clusters, fit, response)
         chosen = np.flatnonzero(is_beyond | is_strongest)
         return clusters.select(chosen), stds[chosen]
+
+
+def _change_by_outline_mm2(clusters: Clusters, fit: Fit, response: ParameterResponse) -> Scalars:
+    """(c,) size of the change of each normal force by one standard deviation of the outline.
+
+    The response may be that of an earlier frame. Where a cluster was stronger then, the change is in
+    proportion to its force: most of it is that of its own load.
+    """
+    node = np.flatnonzero(clusters.label >= 0)
+    change_mm2, before_mm2, now_mm2 = (
+        np.bincount(clusters.label[node], each[node], minlength=len(clusters))
+        for each in (response.by_outline_mm2, response.normal_mm2, -fit.shape.force_mm2[:, 2])
+    )
+    now_mm2 = np.maximum(now_mm2, 0.0)
+    share = np.divide(now_mm2, before_mm2, out=np.ones(len(clusters)), where=before_mm2 > now_mm2)
+    return np.asarray(np.abs(change_mm2) * share)
 
 
 def significant(clusters: Clusters, fit: Fit, least_stds: float) -> tuple[Clusters, Scalars]:

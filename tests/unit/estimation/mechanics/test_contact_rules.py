@@ -6,7 +6,7 @@ import pytest
 from manytouch.estimation.mechanics.clusters.force_clusters import ForceClusters
 from manytouch.estimation.mechanics.contact_rules import ContactRules
 from manytouch.estimation.mechanics.inversion.sheet_model import NominalSheet
-from pressed_sheet import slack_sensor
+from pressed_sheet import contacts_of, pressed, slack_sensor
 
 
 @pytest.mark.parametrize(("thicknesses", "starts"), [(1.7, False), (2.6, True), (5.0, True)])
@@ -21,3 +21,14 @@ def test_a_contact_beside_the_clamp_waits_for_the_response(thicknesses: float, s
     is_new = np.ones(len(clusters), dtype=np.bool_)
     assert rules.may_start(model, clusters, is_new, is_response_due=False).tolist() == [True]
     assert rules.may_start(model, clusters, is_new, is_response_due=True).tolist() == [starts]
+
+
+def test_a_contact_beside_the_clamp_is_followed_while_it_is_released() -> None:
+    middle_mm, beside_mm = (0.0, 0.0), (29.0, 8.0)
+    three, nine = (np.array([middle_mm] * parts + [beside_mm]) for parts in (3, 9))
+    rest = [pressed(three, 0.0, seed) for seed in range(3)]
+    held = [pressed(three, 0.2, 10 + seed) for seed in range(6)]
+    strong, weak = contacts_of([*rest, *held, pressed(nine, 1.0 / 6.0, 30)]).touching
+    assert strong.centre_mm == pytest.approx(middle_mm, abs=0.5)
+    assert weak.centre_mm == pytest.approx(beside_mm, abs=0.8)
+    assert weak.normal_force_over_E_mm2 == pytest.approx(1.0 / 60.0, rel=0.15)

@@ -248,7 +248,8 @@ class ParameterResponse:
         force_change_mm2: (p, nodes, 3) the same of the forces over E.
         by_outline_mm2: (nodes,) the same for one standard deviation of the outline, with that of the shell's
             error next to a clamp; 0 where there is no clamp.
-        total_mm2: sum of the normal forces over E, positive in compression, of the frame.
+        normal_mm2: (nodes,) normal forces over E, positive in compression, of the frame.
+        total_mm2: their sum, without tension.
         balance_slope: (nodes, 3) derivative of tangential and normal forces over E by the pretension over E,
             mm, at shapes that fit the markers.
         image_slope_px: (m, 2) the same of the marker images, px/mm.
@@ -257,6 +258,7 @@ class ParameterResponse:
     change_mm: Changes
     force_change_mm2: Changes
     by_outline_mm2: Float64[np.ndarray, " nodes"]
+    normal_mm2: Float64[np.ndarray, " nodes"]
     total_mm2: float
     balance_slope: Nodal
     image_slope_px: Points2
@@ -332,6 +334,7 @@ def parameter_response(
         change_mm=-std * solved,
         force_change_mm2=std * by_step,
         by_outline_mm2=np.array(outline_stds) @ by_step[:, :, 2],
+        normal_mm2=-shape.force_mm2[:, 2],
         total_mm2=total_force_mm2(model, fit),
         balance_slope=balances[0] - linearisation.balance_change(solved[0]),
         image_slope_px=-np.einsum("mjka,mka->mj", linearisation.derivative, solved[0][node]),
