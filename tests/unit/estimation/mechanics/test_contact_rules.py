@@ -23,7 +23,7 @@ def test_a_contact_beside_the_clamp_waits_for_the_response(thicknesses: float, s
     assert rules.may_start(model, clusters, is_new, is_response_due=True).tolist() == [starts]
 
 
-def test_a_contact_beside_the_clamp_is_followed_while_it_is_released() -> None:
+def test_a_contact_near_the_clamp_is_followed_while_it_is_released() -> None:
     middle_mm, beside_mm = (0.0, 0.0), (29.0, 8.0)
     three, nine = (np.array([middle_mm] * parts + [beside_mm]) for parts in (3, 9))
     rest = [pressed(three, 0.0, seed) for seed in range(3)]
