@@ -208,7 +208,11 @@ def add_discs(
         first_column, last_column = max(math.ceil(x - dot.reach_x), 0), math.floor(x + dot.reach_x) + 1
         for row in range(first_row, min(last_row, rows)):
             dy = row - y
-            factor = _find_chords(dy, dot, table, chords) if dot.is_small else 0.0
+            factor = 1.0
+            if dot.is_small:
+                factor = _find_chords(dy, dot, table, chords)
+                if factor == 0.0:
+                    continue
             for column in range(first_column, min(last_column, columns)):
                 dx = column - x
                 part = _share_of_pixel(dx, dy, dot, factor, table, chords)
