@@ -41,12 +41,12 @@ _AREA, _DEPTH, _NORMAL = (ESTIMATES.index(name) for name in ("area", "depth", "n
 _FORCES = [ESTIMATES.index(name) for name in ("shear_x", "shear_y", "normal_force", "torque")]
 _STEP_MM = 1e-3  # of the shape of a contact, in differences of its depth
 _ELEMENT_ROOT = 0.245  # so that the depth under a Gaussian load of .75 elements agrees with the layer
-_CENTRE_DEPTH = (0.75 * np.pi / np.sqrt(5.0), 1.0, np.sqrt(0.5))
+_CENTRE_DEPTH = (8.0 / 3.0 / np.sqrt(6.0), 1.0, np.sqrt(0.5))
 """Depth of the centre of a patch of each profile on a half-space, over (1 - nu^2) F / (pi E) and the root of
 its second moment."""
 _RING_ROOTS = (1.0, 1.0, np.sqrt(2.0))
 """Radius at which a patch of each profile may be deeper than at its centre, in roots of its second moment."""
-_STICKING_ROOTS = (np.sqrt(10.0 / 3.0), np.sqrt(8.0 / 3.0), 0.0)
+_STICKING_ROOTS = (2.0, np.sqrt(8.0 / 3.0), 0.0)
 """Radius at which the mean lateral displacement by a patch of each profile is that of a rigid object that
 sticks and has the same shear, in roots of its second moment; 0 for a rim, inside which it is nearly
 constant."""
@@ -349,8 +349,8 @@ def _basis(
 def _unresolved_depth(model: BondedPadModel, parameters: np.ndarray, profile: int) -> float:
     """Depth at the centre of a patch that its nodes cannot show, after that of a half-space.
 
-    The centre of a patch of radius a on a half-space is c (1 - nu^2) F / (pi a E) deep; c is 3 pi / 4 for a
-    dome (H. Hertz 1882), 2 for a flat pressure, 1 for one on the rim. The elements widen
+    The centre of a patch of radius a on a half-space is c (1 - nu^2) F / (pi a E) deep; c is 8 / 3 for a
+    dome, 2 for a flat pressure, 1 for one on the rim. The elements widen
     the root of a second moment to the root of its square plus that of `_ELEMENT_ROOT` elements.
     """
     root_mm = float(np.sqrt(abs(parameters[ROOT_XX] * parameters[ROOT_YY])))

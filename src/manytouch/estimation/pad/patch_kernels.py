@@ -22,7 +22,8 @@ class Profile(IntEnum):
     """Profile of the pressure along the radius r of a patch with radius 1, from the middle outwards."""
 
     DOME = 0
-    """sqrt(1 - r^2): that of a ball on a half-space (H. Hertz 1882)."""
+    """1 - r^2: that under a ball with a contact radius of 2 to 3 thicknesses of a nearly incompressible pad.
+    Under smaller ones it tends to sqrt(1 - r^2) (H. Hertz 1882), which markers hardly show."""
     FLAT = 1
     """The same everywhere: near that of a flat face that sticks to the pad."""
     RIM = 2
@@ -76,7 +77,7 @@ def _quadrature(profile: Profile, rings: int, count: int) -> Float64[np.ndarray,
     """Quadrature of a pressure over a disc with unit second moments: x, y, weight."""
     if profile is Profile.RIM:
         rings, count = 1, rings * count
-    place, share = roots_jacobi(rings, 0.5 if profile is Profile.DOME else 0.0, 0.0)
+    place, share = roots_jacobi(rings, 1.0 if profile is Profile.DOME else 0.0, 0.0)
     square = 0.5 * (place + 1.0)
     share /= share.sum()
     angle = 2.0 * np.pi * np.arange(count) / count
