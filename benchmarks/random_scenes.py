@@ -1,0 +1,241 @@
+"""Errors on sensors and scenes that are drawn from a seed, and that no choice was made on.
+
+    python benchmarks/random_scenes.py --out DIR [--first 0] [--scenes 6] [--pads]
+
+Each scene has a sensor of its own (size, thickness, modulus, pretension or depth of the markers, pitch, light
+or dark dots, lens, camera, noise, missing dots, dust) and one to three bodies of five shapes, some with
+friction, that begin and end at different times. The commands `simulate` and `process` are run as users run
+them, with the exact sensor file; what they write into DIR stays there. Scene number n is the same on every
+machine. A line for each scene is printed, then the figures of all.
+"""
+
+import argparse
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+
+from manytouch.evaluation.evaluated_recordings.folders import load_result, load_truth
+from manytouch.evaluation.metrics.comparison import MethodErrors, compare, figures, pooled
+
+FPS = 15.0
+SECONDS = 2.4
+PAD_SEED, SHEET_SEED = 5000, 900
+
+
+def body_shape(draw: np.random.Generator, radius_mm: float, *, is_pad: bool) -> dict[str, Any]:
+    """A ball, fingertip, punch or lying cylinder of about this radius."""
+    narrower = 0.5 if is_pad else 0.7
+    shapes: tuple[dict[str, Any], ...] = (
+        {"kind": "sphere", "radius_mm": radius_mm},
+        {"kind": "fingertip", "semi_axes_mm": [radius_mm + 1.0, radius_mm + 2.0, radius_mm + 1.0]},
+        {"kind": "round_punch", "radius_mm": narrower * radius_mm},
+        {"kind": "square_punch", "side_mm": [2.0 * narrower * radius_mm, 1.6 * narrower * radius_mm]},
+        {"kind": "cylinder", "radius_mm": narrower * radius_mm, "length_mm": 3.0 * narrower * radius_mm},
+    )
+    return shapes[int(draw.integers(len(shapes)))]
+
+
+def camera_of(draw: np.random.Generator, size_mm: np.ndarray) -> dict[str, Any]:
+    """A camera in whose picture the sheet or pad is nearly as large as possible."""
+    width = int(draw.choice([640, 800, 1280]))
+    height = 3 * width // 4
+    distance_mm = float(draw.uniform(1.0, 1.6) * size_mm.max())
+    focal_px = 0.87 * float(np.min(np.array([width, height]) / size_mm)) * distance_mm
+    return {
+        "width_px": width,
+        "height_px": height,
+        "fx_px": focal_px,
+        "fy_px": focal_px,
+        "cx_px": 0.5 * width - 0.5 + float(draw.uniform(-6.0, 6.0)),
+        "cy_px": 0.5 * height - 0.5 + float(draw.uniform(-6.0, 6.0)),
+        "distortion": [float(draw.uniform(-0.2, 0.08)), 0.0, 0.0, 0.0, 0.0],
+        "pose": {"translation_mm": [0.0, 0.0, distance_mm]},
+    }
+
+
+def sheet_sensor(draw: np.random.Generator, name: str) -> dict[str, Any]:
+    """A clamped sheet of 34 to 80 mm, slack or taut."""
+    thickness_mm, pitch_mm = float(draw.uniform(1.5, 4.0)), float(draw.uniform(2.0, 4.5))
+    count = np.maximum(draw.integers([9, 8], [17, 14]), int(np.ceil(34.0 / pitch_mm)))
+    size_mm = (count + 1) * pitch_mm
+    young_MPa = float(10.0 ** draw.uniform(-0.7, 0.5))
+    stretch = float(draw.choice([0.0, draw.uniform(0.0, 0.02)]))
+    return {
+        "schema": 1,
+        "name": name,
+        "camera": camera_of(draw, size_mm),
+        "sheet": {
+            "size_mm": size_mm.tolist(),
+            "thickness_mm": thickness_mm,
+            "young_MPa": young_MPa,
+            "poisson": float(draw.uniform(0.4, 0.49)),
+            "pretension_N_per_mm": 2.0 * stretch * young_MPa * thickness_mm,
+        },
+        "markers": markers_of(draw, count, pitch_mm),
+    }
+
+
+def pad_sensor(draw: np.random.Generator, name: str) -> dict[str, Any]:
+    """A bonded pad of 14 to 34 mm, with or without refraction by its window."""
+    size_mm = np.sort(draw.uniform(14.0, 34.0, 2))[::-1]
+    pitch_mm = float(draw.uniform(1.2, 3.0))
+    count = (size_mm / pitch_mm - 0.6).astype(int)
+    while np.prod(count) < 40:
+        pitch_mm *= 0.85
+        count = (size_mm / pitch_mm - 0.6).astype(int)
+    window = {"pad_index": 1.41, "window_mm": 3.0, "window_index": 1.49} if draw.random() < 0.5 else {}
+    return {
+        "schema": 1,
+        "name": name,
+        "camera": camera_of(draw, size_mm),
+        "sheet": {
+            "boundary": "bonded",
+            "size_mm": size_mm.tolist(),
+            "thickness_mm": float(draw.uniform(2.0, 5.0)),
+            "young_MPa": float(10.0 ** draw.uniform(-1.0, -0.2)),
+            "poisson": float(draw.uniform(0.45, 0.492)),
+            "marker_depth_mm": float(draw.uniform(0.1, 0.5)),
+            **window,
+        },
+        "markers": markers_of(draw, count, pitch_mm),
+    }
+
+
+def markers_of(draw: np.random.Generator, count: np.ndarray, pitch_mm: float) -> dict[str, Any]:
+    """A square lattice of light or dark dots."""
+    return {
+        "columns": int(count[0]),
+        "rows": int(count[1]),
+        "pitch_mm": pitch_mm,
+        "radius_mm": float(pitch_mm * draw.uniform(0.18, 0.3)),
+        "polarity": str(draw.choice(["light", "dark"])),
+    }
+
+
+def scene_of(draw: np.random.Generator, name: str, sensor: dict[str, Any], *, is_pad: bool) -> dict[str, Any]:
+    """One to three bodies on a sensor, at least three thicknesses or 14 mm apart."""
+    size_mm, thickness_mm = np.array(sensor["sheet"]["size_mm"]), float(sensor["sheet"]["thickness_mm"])
+    room_mm = np.maximum(0.5 * size_mm - (2.5 + 0.4 * thickness_mm if is_pad else 8.0 + thickness_mm), 0.5)
+    apart_mm = 3.0 * thickness_mm if is_pad else 14.0
+    wanted, place_mm = int(draw.integers(1, 4)), np.zeros((0, 2))
+    for _ in range(80):
+        tried = draw.uniform(-room_mm, room_mm)
+        if len(place_mm) < wanted and np.all(np.linalg.norm(place_mm - tried, axis=1) > apart_mm):
+            place_mm = np.vstack([place_mm, tried])
+    bodies = []
+    for at_mm in place_mm:
+        shape = body_shape(draw, float(draw.uniform(1.5 if is_pad else 2.5, 6.0)), is_pad=is_pad)
+        share = draw.uniform(0.04, 0.25) if is_pad else draw.uniform(0.2, 0.8)
+        start_s = float(draw.uniform(0.3, 1.0))
+        motion = {
+            "kind": "press",
+            "at_mm": at_mm.tolist(),
+            "depth_mm": float(share * thickness_mm) * (0.5 if is_pad and "punch" in shape["kind"] else 1.0),
+            "start_s": start_s,
+            "end_s": start_s + 1.0,
+            "ramp_s": 0.3,
+        }
+        bodies.append({"shape": shape, "friction": float(draw.choice([0.0, 0.0, 1.0])), "motions": [motion]})
+    is_dark = sensor["markers"]["polarity"] == "dark"
+    solid = {"step_mm": 0.3} if is_pad else {"step_mm": 1.5, "element_mm": max(2.0, float(size_mm[0]) / 26.0)}
+    return {
+        "schema": 1,
+        "name": name,
+        "seconds": SECONDS,
+        "fps": FPS,
+        "seed": int(draw.integers(2**31)),
+        "sensor": "sensor.toml",
+        "solid": solid,
+        "light": {
+            "ground": 190.0 if is_dark else 40.0,
+            "dot": 50.0 if is_dark else 200.0,
+            "read_noise": 1.5,
+            "shot_noise": 0.02,
+            "vignetting": float(draw.uniform(0.0, 0.4)),
+            "tilt_x": float(draw.uniform(-0.2, 0.2)),
+        },
+        "faults": {"missing": int(draw.integers(0, 4)), "dust": int(draw.integers(0, 4))},
+        "bodies": bodies,
+    }
+
+
+def manytouch(*arguments: str, folder: Path) -> None:
+    """Run a command; if it fails, its message ends this program."""
+    done = subprocess.run(
+        [sys.executable, "-m", "manytouch", *arguments],
+        check=False,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+    )
+    if done.returncode != 0:
+        sys.exit(f"manytouch {' '.join(arguments)} in {folder} failed:\n{done.stderr or done.stdout}")
+
+
+def errors_of(number: int, out: Path, *, is_pad: bool) -> MethodErrors:
+    """Errors of the scene with this number, which is simulated unless it is there."""
+    draw = np.random.default_rng((PAD_SEED if is_pad else SHEET_SEED) + number)
+    name = f"{'pad' if is_pad else 'sheet'}-{number}"
+    folder = out / name
+    folder.mkdir(parents=True, exist_ok=True)
+    sensor = pad_sensor(draw, name) if is_pad else sheet_sensor(draw, name)
+    scene = scene_of(draw, name, sensor, is_pad=is_pad)
+    (folder / "sensor.toml").write_text(tomlkit.dumps(sensor), encoding="utf-8")
+    (folder / "scene.toml").write_text(tomlkit.dumps(scene), encoding="utf-8")
+    if not (folder / "simulated" / "truth" / "markers.parquet").exists():
+        manytouch("simulate", "scene.toml", "--out", "simulated", folder=folder)
+    given = ("--sensor", "simulated/sensor.toml", "--fps", f"{FPS:g}")
+    manytouch("process", "simulated/frames", *given, "--out", "results", folder=folder)
+    sheet = sensor["sheet"]
+    thickness_mm, pitch_mm = float(sheet["thickness_mm"]), float(sensor["markers"]["pitch_mm"])
+    kinds = [
+        f"{body['shape']['kind']} {body['motions'][0]['depth_mm'] / thickness_mm:.2f}"
+        for body in scene["bodies"]
+    ]
+    print(
+        f"{name}: {sheet['size_mm'][0]:.0f} x {sheet['size_mm'][1]:.0f} x {thickness_mm:.1f} mm, "
+        f"{sensor['markers']['columns']} x {sensor['markers']['rows']} dots, pitch {pitch_mm:.1f} mm; "
+        f"depths in thicknesses: {', '.join(kinds)}"
+    )
+    errors = compare(load_truth(folder / "simulated" / "truth"), load_result(folder / "results" / "frames"))
+    print("   ", summary_of(errors), flush=True)
+    return errors
+
+
+def summary_of(errors: MethodErrors) -> str:
+    """The main figures in a line."""
+    found = figures(errors)
+    dots, contacts, force = found["detection"], found["contacts"], found["force"]
+    return (
+        f"dots found {dots['found_percent']:.1f} %, false {dots['false_percent']:.1f} %; "
+        f"precision {contacts['precision_percent']:.0f} %, recall {contacts['recall_percent']:.0f} %, "
+        f"position {contacts['position_median_mm']:.2f} mm (95 %: {contacts['position_p95_mm']:.2f}), "
+        f"force {force['normal_median_percent']:.1f} % (95 %: {force['normal_p95_percent']:.1f}, "
+        f"bias {force['normal_bias_percent']:+.1f}), depth RMSE {found['depth']['rmse_median_mm']:.4f} mm"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of all scenes")
+    parser.add_argument("--first", type=int, default=0, help="number of the first scene")
+    parser.add_argument("--scenes", type=int, default=6, help="number of scenes")
+    parser.add_argument("--pads", action="store_true", help="bonded pads instead of clamped sheets")
+    given = parser.parse_args()
+    numbers = range(given.first, given.first + given.scenes)
+    errors = [errors_of(number, given.out, is_pad=given.pads) for number in numbers]
+    print(f"all {len(errors)} scenes: {summary_of(pooled(errors, 'all'))}")
+    coverage = figures(pooled(errors, "all"))["coverage"]
+    for estimate in ("position", "depth", "force"):
+        rows = coverage[estimate]
+        print(f"    {estimate}: {100 * rows['coverage_95']:.0f} % of {rows['contacts']} contacts within 95 %")
+
+
+if __name__ == "__main__":
+    main()
