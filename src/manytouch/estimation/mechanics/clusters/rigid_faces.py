@@ -40,6 +40,9 @@ class RigidFaces:
         max_pair_thickness: two clusters of one face are at most so far apart, in thicknesses.
         resolved_thickness: at this distance two contacts are not seen as one when they begin, in thicknesses;
             on nearer ones only the markers decide, where they can.
+        kept_thickness: the same for two that continue one contact, which stays one from here on if they are
+            about as deep and as strong: chosen between balls 3.0 thicknesses apart, which can begin as one,
+            and blocks and cylinders that come to press with ends 3.4 to 4.0 apart.
         min_pair_elements: other clusters that are nearer to each other are joined only if they continue one
             contact, in elements.
         same_centre_pitch: clusters continue a contact of the previous frame if the centre of their forces is
@@ -60,6 +63,7 @@ class RigidFaces:
     max_plane_thickness: float = 12.0
     max_pair_thickness: float = 20.0
     resolved_thickness: float = 4.0
+    kept_thickness: float = 3.2
     min_pair_elements: float = 4.5
     same_centre_pitch: float = 0.4
     rise_mm: float = 0.004
@@ -178,7 +182,8 @@ class RigidFaces:
         if len(own) == 2:
             is_bar = self.bars(model, clusters, own, evidence_at, was_two=was_two, was_one=was_one)
             gap_mm = float(np.linalg.norm(clusters.centre_mm[own[1]] - clusters.centre_mm[own[0]]))
-            if is_bar or (is_bar is False and gap_mm < self.resolved_thickness * model.thickness_mm):
+            least = self.kept_thickness if was_one else self.resolved_thickness
+            if is_bar or (is_bar is False and gap_mm < least * model.thickness_mm):
                 return bool(is_bar)
         return not was_two and self._is_pair(model, clusters, depth_mm, own, was_one=was_one)
 

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from manytouch.estimation import MechanicsEstimator
+from manytouch.estimation.mechanics.clusters.bars import BarRule
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, cluster_moments
 from manytouch.estimation.mechanics.clusters.rigid_faces import RigidFaces
-from pressed_sheet import contacts_of, pressed, slack_sensor
+from pressed_sheet import THICKNESS_MM, contacts_of, pressed, slack_sensor
 
 NO_CONTACT = np.zeros((0, 2))
 HALF_MM = 5.5  # from the middle of the face to each of two edges that press
@@ -36,6 +37,19 @@ def test_a_face_that_comes_to_press_with_two_edges_stays_one_contact(began_as_on
     if began_as_one:
         np.testing.assert_allclose(contacts.touching[0].centre_mm, 0.0, atol=0.5)
         assert len(contacts_of([*rest, *flat, *split], RigidFaces(same_centre_pitch=0.0)).touching) == 2
+
+
+@pytest.mark.parametrize(("kept_thickness", "count"), [(3.2, 1), (4.0, 2)])
+def test_a_contact_that_comes_to_press_with_near_ends_stays_one(kept_thickness: float, count: int) -> None:
+    """Ends 3.6 thicknesses apart, of which the markers say that they are two."""
+    middle_mm = np.zeros((1, 2))
+    ends_mm = np.array([[0.0, 1.8], [0.0, -1.8]]) * THICKNESS_MM
+    rest = [pressed(middle_mm, 0.0, seed) for seed in range(3)]
+    flat_mm = np.column_stack([np.zeros(15), np.linspace(-1.8, 1.8, 15) * THICKNESS_MM])
+    flat = [pressed(flat_mm, 0.03, 10 + seed) for seed in range(4)]
+    split = [pressed(ends_mm, 0.08, 20 + seed) for seed in range(4)]
+    faces = RigidFaces(kept_thickness=kept_thickness, bars=BarRule(min_f=-1e3))
+    assert len(contacts_of([*rest, *flat, *split], faces).touching) == count
 
 
 def joined(
