@@ -234,7 +234,11 @@ def main() -> None:
     coverage = figures(pooled(errors, "all"))["coverage"]
     for estimate in ("position", "depth", "force"):
         rows = coverage[estimate]
-        print(f"    {estimate}: {100 * rows['coverage_95']:.0f} % of {rows['contacts']} contacts within 95 %")
+        if rows is None:
+            print(f"    {estimate}: too few contacts to state how many are within their 95 % intervals")
+        else:
+            share = 100.0 * rows["coverage_95"]
+            print(f"    {estimate}: {share:.0f} % of {rows['contacts']} contacts within 95 %")
 
 
 if __name__ == "__main__":
