@@ -25,6 +25,7 @@ from manytouch.kernel_libraries import (
     bind_calls_within_modules,
     compile_parts_without_code,
 )
+from manytouch.kernel_loading import KernelCache
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Named = TypeVar("Named", bound=tuple[Any, ...])
@@ -59,15 +60,18 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
     What Python calls, and what other compiled functions call, are compiled separately: the latter is part of
     the code of its callers and has none of its own (`kernel_libraries`).
     """
+    is_kept = options.pop("cache", True)
     common = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, **options}
-    compile_whole = njit(**{"cache": True, "pipeline_class": KernelCompiler, **common})
+    compile_whole = njit(**{"pipeline_class": KernelCompiler, **common})
 
     def compiled(function: Function) -> Function:
         whole: Any = compile_whole(function)
+        if is_kept:
+            whole._cache = KernelCache(function)
 
         @cache
         def part() -> Any:  # made once it is needed: most programs load all code and compile nothing
-            return njit(**{**common, "cache": False, "no_cpython_wrapper": True})(function)
+            return njit(**{**common, "no_cpython_wrapper": True})(function)
 
         def call_template(arguments: Any, named: Any) -> Any:
             # a specialisation for True and one for False would be compiled in addition to that for a variable

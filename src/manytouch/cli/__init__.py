@@ -5,6 +5,7 @@ No computation is in here; all of it is available in Python too.
 Exit status: 0 done, also after Ctrl-C; 1 the work failed; 2 the command line is wrong; 143 ended by SIGTERM.
 """
 
+import gc
 import shutil
 import sys
 import textwrap
@@ -16,6 +17,9 @@ from manytouch.cli.terminal.failures import DEBUG_FLAG
 request_one_blas_thread()  # before anything imports numpy
 
 SUMMARY = "Estimate every contact on a soft dotted sheet from one camera: position, depth and force."
+
+OBJECTS_PER_COLLECTION = 100_000
+"""Importing makes several 100 000 objects that stay; each search through them for garbage takes time."""
 
 EPILOGUE = """\
 manytouch COMMAND --help describes the options of a command.
@@ -83,6 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if words in ([], ["--help"], ["-h"]):  # without the parser, whose import takes longer than a user expects
         print(_overview(shutil.get_terminal_size().columns))
         return 0
+    gc.set_threshold(OBJECTS_PER_COLLECTION, 10, 10)
     from manytouch.cli.application import run
 
     return run(words)

@@ -188,7 +188,7 @@ class Live:
             OutputError: the recording cannot be written.
         """
         self._commands.on_note = observer.on_message
-        self._job.warm_up(self._commands.note)
+        self._wanted = self._present = self._warm_up(self._wanted)
         if self._record_path is not None:
             self._begin_recording(self._record_path)
         if self._begin is not None:

@@ -134,9 +134,7 @@ class Job:
         Raises:
             ManytouchError: no frame is left.
         """
-        if (first := next(self.frames, None)) is None:
-            raise ManytouchError(f"the frames of {self.text} were read already: prepare it again")
-        yield from self.pipeline.run(chain((first,), self.frames), self.sensor)
+        return self._readings(None)
 
     def start(self, observer: Observer, stop: StopCondition) -> Generator[Reading, None, None]:
         """Every frame's reading, in order.
@@ -144,8 +142,15 @@ class Job:
         Raises:
             ManytouchError: the first frames cannot be processed.
         """
-        self.warm_up(None if isinstance(observer, NoObserver) else observer.on_message)
-        yield from self.readings()
+        estimation = self.warm_up(None if isinstance(observer, NoObserver) else observer.on_message)
+        yield from self._readings(estimation)
+
+    def _readings(self, estimation: Any) -> Iterator[Reading]:
+        """Every frame's reading, from a state of the estimation; None: it is computed."""
+        if (first := next(self.frames, None)) is None:
+            raise ManytouchError(f"the frames of {self.text} were read already: prepare it again")
+        tracked = self.pipeline.track_frames(chain((first,), self.frames), self.sensor)
+        yield from self.pipeline.estimate_readings(tracked, self.sensor, estimation)
 
     def close(self) -> None:
         """Release the source."""
@@ -206,8 +211,9 @@ def prepare(
             "give either a sensor file or --pitch-mm and --hfov-deg"
         )
     source, text = _open(input, fps, _with_size(camera, given))
-    if observer is not None:
-        _report_delays(source, observer)
+    timeline = source.capabilities.seek
+    if observer is not None and timeline is not None and timeline.warning is not None:
+        observer.on_message(timeline.warning)
     try:
         known = source.capabilities.sensor if given is None else given
         if given is not None or known is None:
@@ -289,12 +295,6 @@ def spread_frames(source: Source) -> list[Frame]:
     """Frames spread evenly over a recording."""
     step = max(1, (source.frame_count or SPREAD_FRAMES) // SPREAD_FRAMES)
     return list(islice(source, 0, step * SPREAD_FRAMES, step))
-
-
-def _report_delays(source: Source, observer: Observer) -> None:
-    timeline = source.capabilities.seek
-    if timeline is not None and timeline.warning is not None:
-        observer.on_message(timeline.warning)
 
 
 def _estimates_pretension(sensor: Sensor, method: str) -> bool:

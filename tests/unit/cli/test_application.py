@@ -1,6 +1,8 @@
 """Options, exit statuses, help, and errors of the command line."""
 
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -29,6 +31,18 @@ VERBS = ("demo", "run", "process", "view", "design", "simulate", "evaluate", "ex
 )
 def test_every_input_has_a_folder_of_its_own(inputs, names):
     assert result_names(inputs) == names
+
+
+def test_nothing_that_stays_is_searched_for_garbage_while_a_command_starts(tmp_path: Path):
+    program = (
+        "import gc, sys; searches = []; "
+        "gc.callbacks.append(lambda phase, found: searches.append(found['generation'])); "
+        "from manytouch.cli import main; main(sys.argv[1:]); print(searches.count(2))"
+    )
+    words = ["process", str(tmp_path / "missing.mp4"), "--out", str(tmp_path / "results")]
+    done = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True, check=True)
+    assert "There is no" in done.stderr
+    assert done.stdout.split()[-1] == "0"
 
 
 def test_a_folder_of_pictures_keeps_its_whole_name(tmp_path: Path):

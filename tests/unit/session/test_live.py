@@ -5,9 +5,11 @@ import re
 import sys
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,6 +31,7 @@ from manytouch.sources.cameras.camera import CameraSource
 from manytouch.sources.cameras.capture import CameraRequest, open_camera
 from manytouch.values import (
     Command,
+    Contacts,
     Detections,
     Frame,
     Interpolation,
@@ -40,7 +43,9 @@ from manytouch.values import (
     Resume,
     Seek,
     Sensor,
+    Surface,
     Tare,
+    TrackedGrid,
     Tune,
     UndoTare,
     UseMethod,
@@ -98,6 +103,30 @@ def test_live_readings_have_the_bits_of_offline_ones() -> None:
         assert [c.id for c in one.contacts.contacts] == [c.id for c in other.contacts.contacts]
     assert any(reading.contacts.touching for reading in seen.readings)
     assert seen.is_closed
+
+
+class CountedStarts:
+    """An estimator that counts how often it is started."""
+
+    def __init__(self, estimate: Any) -> None:
+        self.starts, self._estimate = 0, estimate
+
+    def start(self, sensor: Sensor) -> Any:
+        self.starts += 1
+        return self._estimate.start(sensor)
+
+    def step(self, state: Any, grid: TrackedGrid) -> tuple[Any, Surface, Contacts]:
+        found: tuple[Any, Surface, Contacts] = self._estimate.step(state, grid)
+        return found
+
+
+@pytest.mark.parametrize("session", [lambda job: job, Live])
+def test_the_state_that_was_warmed_up_is_the_one_that_begins(session: Callable[[Job], Any]) -> None:
+    job, seen = prepare(DrawnSource(frames=20)), Seen()
+    counted = CountedStarts(job.pipeline.estimate)
+    run(session(replace(job, pipeline=replace(job.pipeline, estimate=counted))), [seen])
+    assert len(seen.readings) == 20
+    assert counted.starts == 1
 
 
 def test_health_counts_frames_and_latency() -> None:

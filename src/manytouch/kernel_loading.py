@@ -1,0 +1,60 @@
+# mypy: disable-error-code="no-untyped-call,misc"
+# numba has no types.
+"""Machine code of kernels in files, loaded without what only compiling needs.
+
+Before numba loads the code of a function it makes known all functions that it can compile, and it reads the
+intermediate code from which other functions could be compiled. Neither is needed here: a kernel that another
+one calls is compiled from its source (`compilation.kernel`). A kernel that is not in the files is compiled,
+and numba then makes known what it can compile.
+"""
+
+from functools import cache
+from typing import Any
+
+import llvmlite.binding as llvm
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.runtime.nrt import rtsys
+
+
+class MachineCode(CompileResultCacheImpl):
+    """What is kept of a compiled function: machine code without intermediate code."""
+
+    def reduce(self, result: Any) -> tuple[Any, ...]:
+        """The values that are written."""
+        return _without_intermediate_code(super().reduce(result))
+
+    def rebuild(self, context: Any, kept: Any) -> Any:
+        """The compiled function, from the values that were read."""
+        library, description, *others = _without_intermediate_code(kept)
+        # numba looks for a function only if it has read its name in the intermediate code
+        names = description.llvm_func_name, description.llvm_cpython_wrapper_name
+        context.codegen()._engine._defined_symbols.update(names)
+        return super().rebuild(context, (library, description, *others))
+
+
+class KernelCache(FunctionCache):
+    """The files of one kernel."""
+
+    _impl_class = MachineCode
+
+    def __init__(self, function: Any) -> None:
+        super().__init__(function)
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        """The code for these types of arguments; None if it is not in the files."""
+        rtsys.initialize(context)  # memory of arrays
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(signature, context)
+
+
+def _without_intermediate_code(kept: Any) -> tuple[Any, ...]:
+    (name, kind, code), *others = kept
+    if kind != "object":
+        return tuple(kept)
+    machine_code, _ = code
+    return (name, kind, (machine_code, _no_code())), *others
+
+
+@cache
+def _no_code() -> bytes:
+    return bytes(llvm.parse_assembly("").as_bitcode())
