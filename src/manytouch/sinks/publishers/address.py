@@ -34,6 +34,18 @@ class OutputAddress:
                 listed = f"known are {', '.join(known)}" if known else "it has none"
                 raise ManytouchError(f"{self.text!r}: there is no option {name!r}: {listed}")
 
+    def required_port(self) -> int:
+        """The port.
+
+        Raises:
+            ManytouchError: there is none.
+        """
+        if not self.port:
+            raise ManytouchError(
+                f"{self.text!r} has no port: add one, such as {self.scheme}://{self.host}:9000"
+            )
+        return self.port
+
     def number(self, name: str, default: float, limits: tuple[float, float]) -> float:
         """An option that is a number.
 

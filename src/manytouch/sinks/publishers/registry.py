@@ -9,7 +9,7 @@ from manytouch.sinks.publishers.address import OutputAddress, parse_address
 from manytouch.sinks.publishers.midi import MidiPublisher, MpeEncoder
 from manytouch.sinks.publishers.osc import encode_osc
 from manytouch.sinks.publishers.queued import Publisher, QueuedOutput
-from manytouch.sinks.publishers.touches import FULL_SCALES, scale_of
+from manytouch.sinks.publishers.touches import FULL_SCALES, full_scales, scale_of
 from manytouch.sinks.publishers.tuio import PORT as TUIO_PORT
 from manytouch.sinks.publishers.tuio import Tuio11, Tuio20
 from manytouch.sinks.publishers.udp import OscPublisher
@@ -24,6 +24,7 @@ class Scheme:
         example: a URL.
         purpose: what receives it.
         options: names that may follow "?" in the URL.
+        check: raises ManytouchError if an option has a wrong value, or a part of the address is missing.
         open_publisher: opens it.
         warm_up: makes messages of a reading without sending them, so that the first ones take no longer.
     """
@@ -31,6 +32,7 @@ class Scheme:
     example: str
     purpose: str
     options: tuple[str, ...]
+    check: Callable[[OutputAddress], object] | None = None
     open_publisher: Callable[[OutputAddress, Controls], Publisher]
     warm_up: Callable[[Reading, Sensor], object] | None = None
 
@@ -63,20 +65,27 @@ def _osc(address: OutputAddress, _: Controls) -> Publisher:
     return OscPublisher(address, encode_osc)
 
 
+def _tuio_version(address: OutputAddress) -> str:
+    return address.choice("version", ("1.1", "2.0"))
+
+
 def _tuio(address: OutputAddress, controls: Controls) -> Publisher:
     scale = scale_of(address, controls)
-    if address.choice("version", ("1.1", "2.0")) == "1.1":
+    if _tuio_version(address) == "1.1":
         return OscPublisher(address, Tuio11(scale), TUIO_PORT)
     camera = controls.sensor.camera
     return OscPublisher(address, Tuio20(scale, (camera.width_px, camera.height_px)), TUIO_PORT)
 
 
-def _midi(address: OutputAddress, controls: Controls) -> Publisher:
+def _midi_notes(address: OutputAddress) -> tuple[int, float]:
+    """The lowest note, and the number of notes."""
     low_note = address.number("low-note", 48.0, (0.0, 127.0))
-    notes = address.number("notes", 24.0, (0.0, 127.0))
-    return MidiPublisher(
-        address, MpeEncoder(scale_of(address, controls), low_note=round(low_note), notes=notes)
-    )
+    return round(low_note), address.number("notes", 24.0, (0.0, 127.0))
+
+
+def _midi(address: OutputAddress, controls: Controls) -> Publisher:
+    low_note, notes = _midi_notes(address)
+    return MidiPublisher(address, MpeEncoder(scale_of(address, controls), low_note=low_note, notes=notes))
 
 
 SCHEMES: Mapping[str, Scheme] = {
@@ -98,18 +107,21 @@ SCHEMES: Mapping[str, Scheme] = {
         example="tuio://127.0.0.1:3333",
         purpose="programs for touch screens and interactive tables",
         options=("version", *FULL_SCALES),
+        check=lambda address: (_tuio_version(address), full_scales(address)),
         open_publisher=_tuio,
     ),
     "osc": Scheme(
         example="osc://127.0.0.1:9000",
         purpose="Max, Pure Data, SuperCollider, TouchDesigner, own programs",
         options=(),
+        check=OutputAddress.required_port,
         open_publisher=_osc,
     ),
     "midi": Scheme(
         example="midi://PORT",
         purpose="synthesizers with MPE; midi://take.mid writes a file",
         options=("low-note", "notes", *FULL_SCALES),
+        check=lambda address: (_midi_notes(address), full_scales(address)),
         open_publisher=_midi,
     ),
 }
@@ -161,6 +173,8 @@ def _known_address(url: str) -> OutputAddress:
             f"{address.text!r}: there is no output {address.scheme}://; choose one like {known}"
         )
     address.refuse_options_except(*scheme.options)
+    if scheme.check is not None:
+        scheme.check(address)
     return address
 
 

@@ -100,10 +100,19 @@ def scale_of(address: OutputAddress, controls: Controls) -> TouchScale:
     Raises:
         ManytouchError: an option is wrong.
     """
-    return TouchScale(
-        controls.sensor,
-        force_N=address.number("force-N", FORCE_N, (1e-6, 1e6)),
-        depth_pitch=address.number("depth-pitch", DEPTH_PITCH, (1e-3, 1e3)),
+    force_N, depth_pitch = full_scales(address)
+    return TouchScale(controls.sensor, force_N=force_N, depth_pitch=depth_pitch)
+
+
+def full_scales(address: OutputAddress) -> tuple[float, float]:
+    """Force (N) and depth (pitches) of a full touch, by the options of an address.
+
+    Raises:
+        ManytouchError: an option is wrong.
+    """
+    return (
+        address.number("force-N", FORCE_N, (1e-6, 1e6)),
+        address.number("depth-pitch", DEPTH_PITCH, (1e-3, 1e3)),
     )
 
 

@@ -36,13 +36,12 @@ class OscPublisher:
             default_port: None: the address must have a port.
 
         Raises:
-            OutputError: the host is not known, or there is no port.
+            OutputError: the host is not known.
+            ManytouchError: there is no port.
             MissingExtraError: python-osc is not installed.
         """
         _require_osc()
-        port = default_port if address.port is None else address.port
-        if not port:
-            raise OutputError(f"{address.text!r} has no port: add one, such as {address.text}:9000")
+        port = address.port or default_port or address.required_port()
         host = address.host or "127.0.0.1"
         self.description = f"sends bundles of OSC to UDP port {port} of {host}"
         try:
