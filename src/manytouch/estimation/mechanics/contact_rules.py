@@ -37,6 +37,8 @@ class ContactRules:
             sheet otherwise than its shell, causes forces next to it. The strongest force of a frame is not
             tested: it causes most of the deformation. Other true contacts of the varied cases have 4 and more
             with drawn sensor files, 5 and more with true ones.
+        sure_stds: least normal force of a contact that is not the strongest, in standard deviations by noise
+            and by what the parameters of the sheet change other than in proportion to the strongest force.
         noise_share: nodal forces below this share of what noise adds to `GaussNewton.negligible_force` belong
             to no cluster.
     """
@@ -51,6 +53,7 @@ class ContactRules:
     start_stds: float = 4.0
     last_stds: float = 2.5
     outline_stds: float = 4.0
+    sure_stds: float = 2.0
     noise_share: float = 0.3
 
     def may_start(
@@ -76,7 +79,7 @@ class ContactRules:
     def certain(
         self, model: InversionModel, clusters: Clusters, fit: Fit, response: ParameterResponse | None
     ) -> tuple[Clusters, Scalars]:
-        """Clusters that neither noise nor a wrong outline explains, with the error by the sheet.
+        """Clusters that neither noise nor wrong parameters of the sheet explain, with the error by these.
 
         Args:
             model: of the sheet.
@@ -91,28 +94,57 @@ class ContactRules:
         if response is None:
             return clusters, stds
         clusters = clusters.with_sheet_error(model.nodes, response.force_change_mm2[:, :, 2])
-        if model.is_assumed:
-            return clusters, stds
         is_strongest = clusters.normal_mm2 >= clusters.normal_mm2.max(initial=0.0)
-        is_beyond = clusters.normal_mm2 >= self.outline_stds * _change_by_outline_mm2(clusters, fit, response)
-        chosen = np.flatnonzero(is_beyond | is_strongest)
+        is_certain = clusters.normal_mm2 >= self.sure_stds * _relative_std_mm2(clusters, fit, response)
+        if not model.is_assumed:
+            by_outline_mm2 = _change_by_outline_mm2(clusters, fit, response)
+            is_certain &= clusters.normal_mm2 >= self.outline_stds * by_outline_mm2
+        chosen = np.flatnonzero(is_certain | is_strongest)
         return clusters.select(chosen), stds[chosen]
 
 
-def _change_by_outline_mm2(clusters: Clusters, fit: Fit, response: ParameterResponse) -> Scalars:
-    """(c,) size of the change of each normal force by one standard deviation of the outline.
+def _relative_std_mm2(clusters: Clusters, fit: Fit, response: ParameterResponse) -> Scalars:
+    """(c,) deviation of each normal force by noise and by the parameters of the sheet.
 
-    The response may be that of an earlier frame. Where a cluster was stronger then, the change is in
-    proportion to its force: most of it is that of its own load.
+    What a parameter changes in proportion to all forces, as the modulus of a thick sheet does, causes no
+    contact: only what it changes other than in proportion to the strongest force counts.
     """
-    node = np.flatnonzero(clusters.label >= 0)
-    change_mm2, before_mm2, now_mm2 = (
-        np.bincount(clusters.label[node], each[node], minlength=len(clusters))
-        for each in (response.by_outline_mm2, response.normal_mm2, -fit.shape.force_mm2[:, 2])
-    )
+    variance_mm4 = np.nan_to_num(clusters.covariance[:, 0, 0])
+    if len(clusters) > 1:
+        strongest = int(clusters.normal_mm2.argmax())
+        share = clusters.normal_mm2 / clusters.normal_mm2[strongest]
+        own_mm2 = _sums_mm2(clusters, *response.force_change_mm2[:, :, 2])
+        own_mm2 = own_mm2 * _share_left(clusters, fit, response)
+        variance_mm4 = variance_mm4 + ((own_mm2 - share * own_mm2[:, [strongest]]) ** 2).sum(axis=0)
+    return np.asarray(np.sqrt(variance_mm4))
+
+
+def _change_by_outline_mm2(clusters: Clusters, fit: Fit, response: ParameterResponse) -> Scalars:
+    """(c,) size of the change of each normal force by one standard deviation of the outline."""
+    (change_mm2,) = _sums_mm2(clusters, response.by_outline_mm2)
+    return np.asarray(np.abs(change_mm2) * _share_left(clusters, fit, response))
+
+
+def _share_left(clusters: Clusters, fit: Fit, response: ParameterResponse) -> Scalars:
+    """(c,) factors of the changes in a response, which may be that of an earlier frame.
+
+    Where a cluster was stronger then, the change is in proportion to its force: most of it is that of its own
+    load.
+    """
+    before_mm2, now_mm2 = _sums_mm2(clusters, response.normal_mm2, -fit.shape.force_mm2[:, 2])
     now_mm2 = np.maximum(now_mm2, 0.0)
     share = np.divide(now_mm2, before_mm2, out=np.ones(len(clusters)), where=before_mm2 > now_mm2)
-    return np.asarray(np.abs(change_mm2) * share)
+    return np.asarray(share)
+
+
+def _sums_mm2(
+    clusters: Clusters, *nodal_mm2: Float64[np.ndarray, " nodes"]
+) -> Float64[np.ndarray, "k clusters"]:
+    """(k, c) sums of nodal values over the nodes of each cluster."""
+    node = np.flatnonzero(clusters.label >= 0)
+    label, count = clusters.label[node], len(clusters)
+    sums = [np.bincount(label, each[node], minlength=count) for each in nodal_mm2]
+    return np.array(sums, dtype=np.float64)
 
 
 def significant(clusters: Clusters, fit: Fit, least_stds: float) -> tuple[Clusters, Scalars]:

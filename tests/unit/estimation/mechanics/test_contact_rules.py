@@ -1,11 +1,15 @@
-"""Which clusters start a contact."""
+"""Which clusters start a contact, and which are none."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from manytouch.estimation.mechanics.clusters.force_clusters import ForceClusters
 from manytouch.estimation.mechanics.contact_rules import ContactRules
+from manytouch.estimation.mechanics.inversion.gauss_newton import GaussNewton, SheetShape
 from manytouch.estimation.mechanics.inversion.sheet_model import NominalSheet
+from manytouch.estimation.mechanics.inversion.sheet_parameters import ParameterResponse
 from pressed_sheet import contacts_of, pressed, slack_sensor
 
 
@@ -21,6 +25,39 @@ def test_a_contact_beside_the_clamp_waits_for_the_response(thicknesses: float, s
     is_new = np.ones(len(clusters), dtype=np.bool_)
     assert rules.may_start(model, clusters, is_new, is_response_due=False).tolist() == [True]
     assert rules.may_start(model, clusters, is_new, is_response_due=True).tolist() == [starts]
+
+
+@pytest.mark.parametrize(("share", "remains"), [(0.4, 2), (0.7, 1)])
+def test_what_wrong_parameters_explain_is_no_contact_unless_they_change_all_forces(
+    share: float, remains: int
+) -> None:
+    """First the weak force changes by a share of itself, then both do so."""
+    model, rules = NominalSheet()(slack_sensor()), ContactRules()
+    place_mm = model.nodes.place_mm
+    strong, weak = (int(np.linalg.norm(place_mm - at, axis=1).argmin()) for at in ((-12.0, 0.0), (12.0, 0.0)))
+    shape = SheetShape.at_rest(model)
+    markers = len(model.layout.rest_mm)
+    information = np.tile(100.0 * np.eye(2), (markers, 1, 1))
+    fit = GaussNewton()(model, shape, np.zeros((markers, 2)), information)
+    force_mm2 = np.zeros((len(place_mm), 3))
+    force_mm2[[strong, weak], 2] = -1.0, -0.1
+    fit = replace(fit, shape=replace(shape, force_mm2=force_mm2))
+    clusters = ForceClusters()(model.nodes, force_mm2)
+    clusters = replace(clusters, covariance=np.tile(1e-8 * np.eye(6), (2, 1, 1)))
+    for changed, expected in (((weak,), remains), ((strong, weak), 2)):
+        change_mm2 = np.zeros((1, len(place_mm), 3))
+        change_mm2[0, changed, 2] = share * force_mm2[changed, 2]
+        response = ParameterResponse(
+            change_mm=np.zeros_like(change_mm2),
+            force_change_mm2=change_mm2,
+            by_outline_mm2=np.zeros(len(place_mm)),
+            normal_mm2=-force_mm2[:, 2],
+            total_mm2=1.1,
+            balance_slope=np.zeros_like(force_mm2),
+            image_slope_px=np.zeros((markers, 2)),
+        )
+        found, _ = rules.certain(model, clusters, fit, response)
+        assert len(found) == expected
 
 
 def test_a_contact_near_the_clamp_is_followed_while_it_is_released() -> None:

@@ -122,12 +122,20 @@ class Evidence:
         centre_mm: Float64[np.ndarray, "2"],
         spread_mm2: Float64[np.ndarray, "2 2"],
     ) -> PatchFit:
-        """The patch of any force, centre, size and shape that fits best, from a guess."""
+        """The patch of any force, centre, size and shape that fits best, from a guess.
+
+        It is a point where that fits better than what the search for a size and a shape ends with.
+        """
         root = np.linalg.cholesky(spread_mm2 + _START_MM2 * np.eye(2))
         theta = np.array([force_mm2, *centre_mm, root[0, 0], root[1, 0], root[1, 1]])
         step = np.array([1e-3 * force_mm2] + 5 * [LENGTH_MM])
         misfit, curved = self.fit(theta, step.tolist())
-        per_combination = max(misfit / max(len(self.aim) - len(theta), 1), MIN_MEAN_MISFIT)
+        point = np.array([force_mm2, *centre_mm, 0.0, 0.0, 0.0])
+        point_misfit, point_curved = self.fit(point, [*step[:3].tolist(), 0.0, 0.0, 0.0])
+        parameters = len(theta)
+        if point_misfit < misfit:
+            theta, misfit, curved, parameters = point, point_misfit, point_curved, 3
+        per_combination = max(misfit / max(len(self.aim) - parameters, 1), MIN_MEAN_MISFIT)
         xx, yx, yy = theta[3:]
         by_root = np.array([[2.0 * xx, 0.0, 0.0], [yx, xx, 0.0], [0.0, 2.0 * yx, 2.0 * yy]])
         change = np.eye(6)

@@ -28,6 +28,19 @@ def test_the_shape_that_was_pressed_is_the_most_probable(theta, shape, seed) -> 
     assert probability.max() > 0.8
 
 
+@pytest.mark.parametrize(
+    ("centre_mm", "spread_mm2"), [((3.0, 5.0), 1.0), ((-2.0, -2.0), 4.0), ((8.0, 3.0), 9.0)]
+)
+def test_a_search_for_a_shape_that_ends_far_from_the_best_one_gives_a_point(centre_mm, spread_mm2) -> None:
+    evidence = evidence_of([1.0, 3.0, -2.0, 0.0, 0.0, 0.0])
+    root_mm = np.sqrt(spread_mm2 + 0.3)
+    far, _ = evidence.fit(np.array([0.5, *centre_mm, root_mm, 0.0, root_mm]), [5e-4, *5 * [1e-3]])
+    one = evidence.fit_one(0.5, np.array(centre_mm), spread_mm2 * np.eye(2))
+    assert far > 10.0 * one.misfit, "the test shows nothing: the search succeeds"
+    assert one.force_mm2 == pytest.approx(1.0, abs=3.0 * np.sqrt(one.covariance[0, 0]))
+    assert one.centre_mm == pytest.approx([3.0, -2.0], abs=0.02)
+
+
 def test_a_small_ring_is_a_patch() -> None:
     evidence = evidence_of([1.0, 3.0, -2.0, 2.0])
     one = evidence.fit_one(0.9, np.array([2.5, -1.5]), 4.0 * np.eye(2))
