@@ -108,14 +108,14 @@ def test_the_deviation_of_depth_contains_that_of_the_thickness() -> None:
 
 def test_a_wrong_outline_is_no_contact() -> None:
     sensor, place_mm = with_outline(-0.3, 0.3), (4.0, 2.0)
-    assert len(touching(sensor, place_mm, 0.15, ContactRules(outline_stds=0.0))) == 2
+    assert len(touching(sensor, place_mm, 0.15, ContactRules(outline_stds=0.0, sure_stds=0.0))) == 2
     (contact,) = touching(sensor, place_mm, 0.15)
     assert contact.centre_mm == pytest.approx(place_mm, abs=0.3)
 
 
 def test_forces_beside_the_clamp_are_no_contact_with_an_exact_outline_either() -> None:
     sensor, place_mm = with_outline(-0.3, 0.0), (4.0, 2.0)
-    assert len(touching(sensor, place_mm, 0.15, ContactRules(outline_stds=0.0))) == 2
+    assert len(touching(sensor, place_mm, 0.15, ContactRules(outline_stds=0.0, sure_stds=0.0))) == 2
     (contact,) = touching(sensor, place_mm, 0.15)
     assert contact.centre_mm == pytest.approx(place_mm, abs=0.3)
 
