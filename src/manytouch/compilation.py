@@ -25,7 +25,7 @@ from manytouch.kernel_libraries import (
     bind_calls_within_modules,
     compile_parts_without_code,
 )
-from manytouch.kernel_loading import KernelCache
+from manytouch.kernel_loading import keep_in_files
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Named = TypeVar("Named", bound=tuple[Any, ...])
@@ -67,7 +67,7 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
     def compiled(function: Function) -> Function:
         whole: Any = compile_whole(function)
         if is_kept:
-            whole._cache = KernelCache(function)
+            keep_in_files(whole)
 
         @cache
         def part() -> Any:  # made once it is needed: most programs load all code and compile nothing

@@ -37,14 +37,19 @@ class KernelCache(FunctionCache):
 
     _impl_class = MachineCode
 
-    def __init__(self, function: Any) -> None:
-        super().__init__(function)
-
     def load_overload(self, signature: Any, context: Any) -> Any:
         """The code for these types of arguments; None if it is not in the files."""
         rtsys.initialize(context)  # memory of arrays
         with self._guard_against_spurious_io_errors():
             return self._load_overload(signature, context)
+
+
+def keep_in_files(kernel: Any) -> None:
+    """Let a compiled function be kept in files; by numba's own way where that lacks what is used here."""
+    if all(hasattr(FunctionCache, name) for name in ("_load_overload", "_guard_against_spurious_io_errors")):
+        kernel._cache = KernelCache(kernel.py_func)
+    else:
+        kernel.enable_caching()
 
 
 def _without_intermediate_code(kept: Any) -> tuple[Any, ...]:

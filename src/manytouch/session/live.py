@@ -362,7 +362,7 @@ class Live:
             self._setups.request(setup)
 
     def _warm_up(self, setup: Setup) -> Setup:
-        """Process two frames with a setup and start its estimation, in the thread that prepares it.
+        """Process two frames with a setup and start its estimation.
 
         Raises:
             ManytouchError: it cannot.

@@ -95,7 +95,7 @@ class ContactRules:
             return clusters, stds
         clusters = clusters.with_sheet_error(model.nodes, response.force_change_mm2[:, :, 2])
         is_strongest = clusters.normal_mm2 >= clusters.normal_mm2.max(initial=0.0)
-        is_certain = clusters.normal_mm2 >= self.sure_stds * _relative_std_mm2(clusters, fit, response)
+        is_certain = clusters.normal_mm2 >= self.sure_stds * _relative_std_mm2(clusters, stds, fit, response)
         if not model.is_assumed:
             by_outline_mm2 = _change_by_outline_mm2(clusters, fit, response)
             is_certain &= clusters.normal_mm2 >= self.outline_stds * by_outline_mm2
@@ -103,13 +103,14 @@ class ContactRules:
         return clusters.select(chosen), stds[chosen]
 
 
-def _relative_std_mm2(clusters: Clusters, fit: Fit, response: ParameterResponse) -> Scalars:
+def _relative_std_mm2(clusters: Clusters, stds: Scalars, fit: Fit, response: ParameterResponse) -> Scalars:
     """(c,) deviation of each normal force by noise and by the parameters of the sheet.
 
     What a parameter changes in proportion to all forces, as the modulus of a thick sheet does, causes no
-    contact: only what it changes other than in proportion to the strongest force counts.
+    contact: only what it changes other than in proportion to the strongest force counts. `stds` (c,) are the
+    forces in standard deviations by noise.
     """
-    variance_mm4 = np.nan_to_num(clusters.covariance[:, 0, 0])
+    variance_mm4 = (clusters.normal_mm2 / stds) ** 2
     if len(clusters) > 1:
         strongest = int(clusters.normal_mm2.argmax())
         share = clusters.normal_mm2 / clusters.normal_mm2[strongest]

@@ -41,9 +41,8 @@ class OutputAddress:
             ManytouchError: there is none.
         """
         if not self.port:
-            raise ManytouchError(
-                f"{self.text!r} has no port: add one, such as {self.scheme}://{self.host}:9000"
-            )
+            host = f"[{self.host}]" if ":" in self.host else self.host
+            raise ManytouchError(f"{self.text!r} has no port: add one, such as {self.scheme}://{host}:9000")
         return self.port
 
     def number(self, name: str, default: float, limits: tuple[float, float]) -> float:

@@ -41,7 +41,8 @@ class OscPublisher:
             MissingExtraError: python-osc is not installed.
         """
         _require_osc()
-        port = address.port or default_port or address.required_port()
+        is_default = address.port is None and default_port is not None
+        port = default_port if is_default else address.required_port()
         host = address.host or "127.0.0.1"
         self.description = f"sends bundles of OSC to UDP port {port} of {host}"
         try:

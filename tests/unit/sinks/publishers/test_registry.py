@@ -30,7 +30,7 @@ def test_the_parts_of_an_address() -> None:
         ("osc://127.0.0.1:9000?colour=red", "no option 'colour': it has none"),
         ("osc://[::1:9000", "an IPv6 address has brackets"),
         ("osc://host", "'osc://host' has no port: add one, such as osc://host:9000"),
-        ("osc://host?colour=red", "no option 'colour'"),
+        ("osc://[::1]", "add one, such as osc://\\[::1\\]:9000"),
         ("tuio://host?version=3", "choose 1.1 or 2.0"),
         ("tuio://host?force-N=strong", "force-N is 'strong'; give a number"),
         ("midi://PORT?notes=many", "notes is 'many'; give a number from 0 to 127"),
@@ -45,6 +45,7 @@ def test_a_wrong_address_is_one_sentence(url: str, words: str) -> None:
 @pytest.mark.parametrize(
     ("url", "words"),
     [
+        ("tuio://127.0.0.1:0", "has no port: add one"),
         ("osc://no-such-host.invalid:9000", "the host 'no-such-host.invalid' is not known"),
         ("midi:///no/such/folder/take.mid", "cannot be written"),
     ],
