@@ -82,8 +82,8 @@ class ContactTracker:
         bridge_frames: a contact that is not found lasts for this many frames if something still loads the
             sheet there; ten times as many of frames whose status is not "ok", whatever loads the sheet.
         absorbed: a contact that is not found ends at once if another one has become one with it: the other
-            has moved at least this share of the way to the centre of their forces, and its force has
-            increased by at least this share of that of the contact that is not found.
+            has moved at least this share of the way to the centre of their forces, and extends to the place
+            of the contact that is not found or has gained at least this share of its force.
     """
 
     gate_pitch: float = 2.0
@@ -217,9 +217,10 @@ class ContactTracker:
             before_mm2, now_mm2 = before.normal_force_over_E_mm2, now.normal_force_over_E_mm2
             way_mm = (lost.centre_mm - before.centre_mm) * lost_mm2 / (lost_mm2 + before_mm2)
             moved = float((now.centre_mm - before.centre_mm) @ way_mm) / max(float(way_mm @ way_mm), 1e-12)
-            near = float(np.linalg.norm(now.centre_mm - lost.centre_mm)) <= state.gate_mm
-            # comparisons with an unknown force (NaN) are False
-            if near and moved >= self.absorbed and now_mm2 - before_mm2 >= self.absorbed * lost_mm2:
+            away_mm = float(np.linalg.norm(now.centre_mm - lost.centre_mm))
+            # comparisons with an unknown force or extent (NaN) are False
+            has_it = now_mm2 - before_mm2 >= self.absorbed * lost_mm2 or away_mm <= now.half_major_mm
+            if away_mm <= state.gate_mm and moved >= self.absorbed and has_it:
                 return True
         return False
 

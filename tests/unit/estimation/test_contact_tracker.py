@@ -140,6 +140,17 @@ def test_two_contacts_that_merge_become_one_at_once():
 
 
 @pytest.mark.parametrize(
+    ("half_major_mm", "last"), [(4.5, {0: "move", 1: "end"}), (3.5, {0: "move", 1: "move"})]
+)
+def test_two_that_merge_while_they_are_released_become_one_if_it_extends_to_both(
+    half_major_mm: float, last: dict[int, str]
+):
+    apart = [contact(-3, 0, force_mm2=2.0), contact(3, 0, force_mm2=1.0)]
+    one = replace(contact(-1, 0, force_mm2=2.0), half_major_mm=half_major_mm)
+    assert phases(track([apart, apart, [one]]))[2] == last
+
+
+@pytest.mark.parametrize(
     "left", [contact(-3, 0, force_mm2=2.0), contact(-3, 0, force_mm2=3.0), contact(-1, 0)]
 )
 def test_one_that_is_missed_near_another_is_bridged(left: Contact):

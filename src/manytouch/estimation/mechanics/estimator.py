@@ -17,7 +17,7 @@ from manytouch.errors import SensorError
 from manytouch.estimation.bonded_protocol import BondedEstimator
 from manytouch.estimation.contact_tracker import ContactTracker
 from manytouch.estimation.mechanics.clusters.evidence import ForcePosterior
-from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, ForceClusters
+from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, EarlierClusters, ForceClusters
 from manytouch.estimation.mechanics.clusters.friction_fits import Friction, FrictionFits
 from manytouch.estimation.mechanics.clusters.local_deflection import local_deflection
 from manytouch.estimation.mechanics.clusters.model_order import ModelOrder
@@ -148,7 +148,7 @@ class MechanicsEstimator:
             variants=sheet_variants(model, sheet),
             response=None,
             response_is_due=False,
-            previous_mm=read_only(np.zeros((0, 2))),
+            previous=EarlierClusters.none(),
             slip=SlipState(),
             tracks=self.contact_tracker.start(sensor),
             without_sheet=self.undescribed_frames.start(sensor),
@@ -181,10 +181,11 @@ class MechanicsEstimator:
         noise = self.marker_noise.noise_ratio(grid, state.model_std_px)
         earlier, state = state.response, self._with_response(state, fit)
         forces = ForcePosterior(state.model, fit)
-        touching_mm = np.array([contact.centre_mm for contact in state.tracks.touching]).reshape(-1, 2)
-        clusters = self._clusters(state, fit, forces, touching_mm, noise=noise)
+        clusters = self._clusters(state, fit, forces, noise=noise)
         shape = self._unbiased_shape(state, clusters, forces)
-        clusters = self.rigid_faces(state.model, shape.coefficient_mm, clusters, touching_mm, forces.evidence)
+        clusters = self.rigid_faces(
+            model, shape.coefficient_mm, clusters, forces.evidence, state.touching_mm, earlier=state.previous
+        )
         clusters, significance = self.contact_rules.certain(state.model, clusters, fit, state.response)
         friction = self.friction_fits(fit, clusters, shape.force_mm2)
         if friction is not None:
@@ -272,9 +273,7 @@ class MechanicsEstimator:
         )
         return np.asarray((weight / variance_px2)[:, None, None] * np.eye(2))
 
-    def _clusters(
-        self, state: MechanicsState, fit: Fit, forces: ForcePosterior, touching_mm: Points2, *, noise: float
-    ) -> Clusters:
+    def _clusters(self, state: MechanicsState, fit: Fit, forces: ForcePosterior, *, noise: float) -> Clusters:
         """Force clusters that noise does not explain."""
         model = state.model
         force_mm2 = np.where(model.is_excluded[:, None] | ~model.patch.is_free, 0.0, fit.shape.force_mm2)
@@ -284,7 +283,7 @@ class MechanicsEstimator:
         clusters = self.force_clusters(model.nodes, force_mm2)
         clusters, _ = significant(clusters, fit, rules.least_stds)
         clusters = self.model_order(
-            model.nodes, force_mm2, clusters, touching_mm, evidence_at=forces.evidence, noise=noise
+            model.nodes, force_mm2, clusters, state.touching_mm, evidence_at=forces.evidence, noise=noise
         )
         return significant(clusters, fit, rules.last_stds)[0]
 
@@ -303,7 +302,7 @@ class MechanicsEstimator:
     def _may_start(self, state: MechanicsState, clusters: Clusters) -> Mask:
         model = state.model
         gate_mm = self.contact_tracker.gate_pitch * model.pitch_mm
-        is_new = is_far_from(clusters, state.previous_mm, gate_mm)
+        is_new = is_far_from(clusters, state.previous.centre_mm, gate_mm)
         return self.contact_rules.may_start(model, clusters, is_new, is_response_due=state.response_is_due)
 
     def _track(
@@ -325,7 +324,7 @@ class MechanicsEstimator:
         found = self.contact_estimator(
             model, clusters, fit, state.local, friction=friction, response=state.response
         )
-        is_pressed = [contact.depth_mm > 0.0 for contact in found]  # not what remains after a quick release
+        is_pressed = np.array([contact.depth_mm > 0.0 for contact in found], dtype=np.bool_)
         found, may_start = list(compress(found, is_pressed)), may_start[is_pressed]
         tracks, contacts = self.contact_tracker.step(
             state.tracks,
@@ -337,8 +336,9 @@ class MechanicsEstimator:
             status=status,
         )
         slip, contacts = self.slip_detector(state.slip, contacts, model.pitch_mm)
-        previous_mm = read_only(np.array([contact.centre_mm for contact in found]).reshape(-1, 2))
-        return replace(state, tracks=tracks, slip=slip, previous_mm=previous_mm), contacts
+        reach_mm, chosen = self.rigid_faces.same_centre_pitch * model.pitch_mm, np.flatnonzero(is_pressed)
+        previous = state.previous.followed_by(clusters.select(chosen), fit.shape.force_mm2[:, 2], reach_mm)
+        return replace(state, tracks=tracks, slip=slip, previous=previous), contacts
 
     def _step_without_sheet(
         self, state: MechanicsState, grid: TrackedGrid

@@ -3,9 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float64
 
 from manytouch.estimation.contact_tracker import ContactTrackerState
+from manytouch.estimation.mechanics.clusters.force_clusters import EarlierClusters
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, SheetShape
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
@@ -42,7 +42,7 @@ class MechanicsState:
         variants: the sheet with each of its other parameters changed.
         response: of the last full step to all these; None before the first.
         response_is_due: whether that of a later full step is still to be computed.
-        previous_mm: (k, 2) centres of the clusters of the previous frame, contacts or not.
+        previous: clusters of the previous frame, contacts or not.
         slip: of the contacts.
         tracks: of the contacts.
         without_sheet: what the markers show without a model.
@@ -65,11 +65,16 @@ class MechanicsState:
     variants: tuple[SheetVariant, ...]
     response: ParameterResponse | None
     response_is_due: bool
-    previous_mm: Float64[np.ndarray, "k 2"]
+    previous: EarlierClusters
     slip: SlipState
     tracks: ContactTrackerState
     without_sheet: WithoutSheet
     undescribed: int
+
+    @property
+    def touching_mm(self) -> Points2:
+        """(k, 2) centres of the contacts of the previous frame."""
+        return np.array([contact.centre_mm for contact in self.tracks.touching]).reshape(-1, 2)
 
     def with_fit(self, fit: Fit) -> "MechanicsState":
         """The state after a fit."""

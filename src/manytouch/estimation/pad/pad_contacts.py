@@ -389,4 +389,5 @@ def _clusters(model: BondedPadModel, fit: PadFit) -> Clusters:
         corner_points_mm=tuple(np.zeros((0, 2)) for _ in range(count)),
         shape_probability=np.full((count, 4), np.nan),
         fitted_mm2=np.full(model.patch.node_count, np.nan),
+        is_one_as_before=np.zeros(count, dtype=np.bool_),
     )

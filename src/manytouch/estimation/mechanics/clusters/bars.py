@@ -51,7 +51,7 @@ class BarRule:
         min_f: F of two patches against a bar above which they are two contacts.
         was_two: factor of `min_f` where they were two contacts in the previous frame.
         was_one: the same where they were one, with its centre at that of their forces, although two contacts
-            so far apart are seen as two when they begin.
+            so far apart are seen as two when they begin, or although their force has not grown since.
         seen_apart_thickness: how far that is, in thicknesses; balls of 2 mm radius on a sheet of 3 mm, 8 mm
             apart, can begin as one.
         wide: factor of `min_f`, instead of `was_two`, where two patches are wide and of about one size: then
@@ -85,6 +85,7 @@ class BarRule:
         *,
         was_two: bool,
         was_one: bool,
+        is_unchanged: bool = False,
     ) -> bool | None:
         """Are two clusters one bar? None where the markers do not determine the forces.
 
@@ -95,6 +96,7 @@ class BarRule:
             evidence_at: gives the likelihood of the forces of some nodes.
             was_two: were they two contacts in the previous frame?
             was_one: were they one, with its centre at that of their forces?
+            is_unchanged: is their force not larger than when the markers last showed one?
         """
         evidence = evidence_at(self._nodes(model, clusters, own))
         if evidence is None:
@@ -104,7 +106,7 @@ class BarRule:
         pair = evidence.fit_two(clusters.normal_mm2[own], clusters.centre_mm[own], deviation_mm)
         gap_mm = float(np.linalg.norm(pair.centre_mm[1] - pair.centre_mm[0]))
         limit = self.was_two if was_two else 1.0
-        if was_one and gap_mm >= self.seen_apart_thickness * model.thickness_mm:
+        if was_one and (is_unchanged or gap_mm >= self.seen_apart_thickness * model.thickness_mm):
             limit = self.was_one
         is_alike = bool(round_mm2.max() <= self.max_size_ratio * round_mm2.min())
         least_mm = max(self.wide_gap * gap_mm, self.wide_thickness * model.thickness_mm)

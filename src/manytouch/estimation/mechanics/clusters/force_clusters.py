@@ -15,7 +15,9 @@ from jaxtyping import Bool, Float64, Int64
 
 from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes, smooth
 from manytouch.geometry.spline.patch import Nodal
-from manytouch.values.arrays import Points2, Scalars
+from manytouch.values.arrays import Points2, Scalars, read_only
+
+_STEADY = 0.4  # share of the nodal forces that may change between two frames of which the second is steady
 
 
 @runtime_checkable
@@ -68,6 +70,7 @@ class Clusters:
             patch was fitted.
         fitted_mm2: (n,) normal forces of the fitted patches on the nodes that they were fitted to, positive
             in compression; NaN elsewhere.
+        is_one_as_before: (c,) clusters that are one only because they were one in the previous frame.
     """
 
     centre_mm: Points2
@@ -81,6 +84,7 @@ class Clusters:
     corner_points_mm: tuple[Float64[np.ndarray, "_ 2"], ...]
     shape_probability: Float64[np.ndarray, "c 4"]
     fitted_mm2: Float64[np.ndarray, " nodes"]
+    is_one_as_before: Bool[np.ndarray, " c"]
 
     def __len__(self) -> int:
         return len(self.centre_mm)
@@ -171,7 +175,55 @@ class Clusters:
             corner_points_mm=tuple(self.corner_points_mm[number] for number in order),
             shape_probability=self.shape_probability[order],
             fitted_mm2=self.fitted_mm2,
+            is_one_as_before=self.is_one_as_before[order],
         )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class EarlierClusters:
+    """Clusters of the previous frame, contacts or not.
+
+    Attributes:
+        centre_mm: (k, 2).
+        one_mm2: (k,) normal force over E of each in the last steady frame in which the markers showed it as
+            one contact; 0 before the first one.
+        nodal_mm2: (n,) normal forces over E of the nodes; (0,) before the first frame.
+    """
+
+    centre_mm: Float64[np.ndarray, "k 2"]
+    one_mm2: Float64[np.ndarray, " k"]
+    nodal_mm2: Float64[np.ndarray, " n"]
+
+    @staticmethod
+    def none() -> "EarlierClusters":
+        """Those of a frame before the first one."""
+        nothing = read_only(np.zeros(0))
+        return EarlierClusters(centre_mm=read_only(np.zeros((0, 2))), one_mm2=nothing, nodal_mm2=nothing)
+
+    def followed_by(
+        self, clusters: Clusters, nodal_mm2: Float64[np.ndarray, " n"], reach_mm: float
+    ) -> "EarlierClusters":
+        """The clusters of the next frame; those within a distance of the same centre are the same.
+
+        A frame is steady if its nodal forces are about those of the frame before; the first frames of a
+        press are not, and their shape may not have converged.
+        """
+        before = [self.nearest(centre_mm, reach_mm) for centre_mm in clusters.centre_mm]
+        one_mm2 = np.array([0.0 if at is None else self.one_mm2[at] for at in before], dtype=np.float64)
+        if len(self.nodal_mm2) > 0:
+            change_mm2 = float(np.abs(nodal_mm2 - self.nodal_mm2).sum())
+            if change_mm2 <= _STEADY * float(np.abs(nodal_mm2).sum()):
+                one_mm2 = np.where(clusters.is_one_as_before, one_mm2, clusters.normal_mm2)
+        return EarlierClusters(
+            centre_mm=read_only(clusters.centre_mm.copy()),
+            one_mm2=read_only(one_mm2),
+            nodal_mm2=read_only(nodal_mm2.copy()),
+        )
+
+    def nearest(self, place_mm: Float64[np.ndarray, "2"], reach_mm: float) -> int | None:
+        """The cluster nearest to a place, if there is one within a distance."""
+        away_mm = np.linalg.norm(self.centre_mm - place_mm, axis=1)
+        return int(away_mm.argmin()) if away_mm.min(initial=np.inf) <= reach_mm else None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -237,4 +289,5 @@ def cluster_moments(nodes: ForceNodes, force_mm2: Nodal, label: Int64[np.ndarray
         corner_points_mm=tuple(np.zeros((0, 2)) for _ in range(count)),
         shape_probability=np.full((count, 4), np.nan),
         fitted_mm2=np.full(len(label), np.nan),
+        is_one_as_before=np.zeros(count, dtype=np.bool_),
     )

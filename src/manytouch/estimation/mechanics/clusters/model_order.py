@@ -292,4 +292,5 @@ def _split(clusters: Clusters, number: int, pair: PairFit, nodes: ForceNodes, fo
         corner_points_mm=(*clusters.corner_points_mm, np.zeros((0, 2))),
         shape_probability=with_parts(clusters.shape_probability, np.full((2, 4), np.nan)),
         fitted_mm2=clusters.fitted_mm2,
+        is_one_as_before=np.append(clusters.is_one_as_before, False),
     )

@@ -10,6 +10,7 @@ strong. Four or more are joined if their depths are on one plane, unless two of 
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -19,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from manytouch.estimation.mechanics.clusters.bars import BarRule
 from manytouch.estimation.mechanics.clusters.evidence import EvidenceAt
 from manytouch.estimation.mechanics.clusters.face_fits import CORNERS
-from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
+from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, EarlierClusters
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.markers.images import Face
@@ -47,6 +48,9 @@ class RigidFaces:
             contact, in elements.
         same_centre_pitch: clusters continue a contact of the previous frame if the centre of their forces is
             within this distance of its centre, in pitches.
+        max_growth: two clusters that continue one contact stay one as long as their force is at most this
+            factor of that with which the markers last showed one, unless these clearly show two.
+        released: at this share of that force they stay one whatever the markers show.
         rise_mm, rise_share: the sheet between two places of one face may be this much less deep than the line
             between them, in mm and over their depth; the error of the shape.
         pair_rise_share: like `rise_share`, of a pair that the markers may show to be one bar.
@@ -66,6 +70,8 @@ class RigidFaces:
     kept_thickness: float = 3.2
     min_pair_elements: float = 4.5
     same_centre_pitch: float = 0.4
+    max_growth: float = 1.1
+    released: float = 0.8
     rise_mm: float = 0.004
     rise_share: float = 0.015
     pair_rise_share: float = 0.04
@@ -82,8 +88,10 @@ class RigidFaces:
         model: InversionModel,
         coefficient_mm: Nodal,
         clusters: Clusters,
-        previous_mm: Float64[np.ndarray, "p 2"],
         evidence_at: EvidenceAt,
+        previous_mm: Float64[np.ndarray, "p 2"],
+        *,
+        earlier: EarlierClusters,
     ) -> Clusters:
         """The clusters with those of one face joined, the strongest first.
 
@@ -91,8 +99,9 @@ class RigidFaces:
             model: of the sheet.
             coefficient_mm: (nodes, 3) shape of the sheet.
             clusters: of this frame.
-            previous_mm: (k, 2) centres of the contacts of the previous frame.
             evidence_at: gives the likelihood of the forces of some nodes.
+            previous_mm: (k, 2) centres of the contacts of the previous frame.
+            earlier: clusters of the previous frame.
         """
         count = len(clusters)
         if count < 2:
@@ -118,6 +127,11 @@ class RigidFaces:
                         face = self._with_enclosed(model, clusters, own, group)
                         joined, is_done[face] = self._join(joined, clusters, face), True
                         break
+        for own, share in self._unchanged(model, clusters, is_about_flat & ~was_apart, earlier):
+            bars = partial(self.bars, model, clusters, own, evidence_at, was_two=False, was_one=True)
+            if not is_done[own].any() and (share <= self.released or bars(is_unchanged=True) is not False):
+                face = self._with_enclosed(model, clusters, own, np.flatnonzero(~is_done))
+                joined, is_done[face] = self._join(joined, clusters, face, as_before=True), True
         kept = np.flatnonzero(joined.force_mm2[:, 2] != 0.0)
         order = kept[np.argsort(-joined.normal_mm2[kept], kind="stable")]
         return joined.select(order)
@@ -143,6 +157,26 @@ class RigidFaces:
         depth_mm = np.empty(len(centre_mm))
         depth_mm[first], depth_mm[second] = found_mm[:, 0], found_mm[:, -1]
         return depth_mm, pairs[0], pairs[1]
+
+    def _unchanged(
+        self, model: InversionModel, clusters: Clusters, is_pair: np.ndarray, earlier: EarlierClusters
+    ) -> Iterator[tuple[Int64[np.ndarray, "2"], float]]:
+        """Near pairs whose force is not larger than when the markers last showed them as one contact.
+
+        As long as it does not grow, nothing new shows that they are two. The second value is the share of
+        that force that is left.
+        """
+        for pair in np.argwhere(np.triu(is_pair, 1)):
+            own = pair[np.argsort(-clusters.normal_mm2[pair], kind="stable")]
+            force_mm2, place_mm = clusters.normal_mm2[own], clusters.centre_mm[own]
+            gap_mm = float(np.linalg.norm(place_mm[1] - place_mm[0]))
+            is_near = gap_mm < self.resolved_thickness * model.thickness_mm
+            is_even = force_mm2[1] >= self.min_force_ratio * force_mm2[0]
+            centre_mm = force_mm2 @ place_mm / force_mm2.sum()
+            before = earlier.nearest(centre_mm, self.same_centre_pitch * model.pitch_mm)
+            one_mm2 = 0.0 if before is None else float(earlier.one_mm2[before])
+            if is_near and is_even and force_mm2.sum() <= self.max_growth * one_mm2:
+                yield own, float(force_mm2.sum()) / one_mm2
 
     def _are_alike(self, clusters: Clusters, depth_mm: Scalars) -> np.ndarray:
         """(c, c) pairs that are about as deep and as strong."""
@@ -247,7 +281,14 @@ class RigidFaces:
         within = np.einsum("ki,ki->k", arm_mm, np.linalg.solve(spread, arm_mm.T).T) <= 4.0
         return np.union1d(own, group[within])
 
-    def _join(self, result: Clusters, clusters: Clusters, own: Int64[np.ndarray, " k"]) -> Clusters:
+    def _join(
+        self,
+        result: Clusters,
+        clusters: Clusters,
+        own: Int64[np.ndarray, " k"],
+        *,
+        as_before: bool = False,
+    ) -> Clusters:
         """`result` with clusters joined to the first of them; the others get no force."""
         share = clusters.normal_mm2[own] / clusters.normal_mm2[own].sum()
         centre_mm, spread = _joint_moments(clusters, own, share)
@@ -280,6 +321,7 @@ class RigidFaces:
                 _rectangle(centre_mm, spread) if len(own) == 2 else self._corner_points(clusters, own),
                 *result.corner_points_mm[first + 1 :],
             ),
+            is_one_as_before=changed(result.is_one_as_before, as_before),
         )
 
     def _corner_points(self, clusters: Clusters, own: Int64[np.ndarray, " k"]) -> Float64[np.ndarray, "_ 2"]:

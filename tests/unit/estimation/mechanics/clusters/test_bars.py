@@ -159,5 +159,15 @@ def test_one_contact_becomes_two_only_if_they_could_begin_as_one_or_the_markers_
     rule = BarRule(min_f=0.5 * f, seen_apart_thickness=seen_apart_thickness)
     found = rule(model, clusters, np.arange(2), lambda node: evidence, was_two=was_two, was_one=was_one)
     assert found is is_bar
+    unchanged = rule(
+        model,
+        clusters,
+        np.arange(2),
+        lambda node: evidence,
+        was_two=was_two,
+        was_one=was_one,
+        is_unchanged=True,
+    )
+    assert unchanged is was_one
     clear = BarRule(min_f=0.1 * f, seen_apart_thickness=seen_apart_thickness)
     assert not clear(model, clusters, np.arange(2), lambda node: evidence, was_two=was_two, was_one=was_one)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, ForceClusters
+from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, EarlierClusters, ForceClusters
 from spline_loads import NODES, SHAPE, SHEAR_MM2, SHEARED, pressed
 
 FIND = ForceClusters()
@@ -87,3 +87,22 @@ def test_a_weak_press_near_a_strong_one_keeps_its_outer_nodes() -> None:
     behind = NODES.place_mm[found.label == 0, 0]
     assert behind.max() < 6.0
     np.testing.assert_allclose(found.centre_mm, [[-8.0, 0.0], [8.0, 0.0]], atol=0.8)
+
+
+def test_the_force_with_which_a_contact_was_one_is_that_of_the_last_steady_frame() -> None:
+    def followed(
+        earlier: EarlierClusters, force: float, x_mm: float = 0.0, *, held: bool = False
+    ) -> EarlierClusters:
+        nodal = pressed((x_mm, 0.0, 3.0, force))
+        clusters = FIND(NODES, nodal)
+        clusters = replace(clusters, is_one_as_before=np.array([held]))
+        return earlier.followed_by(clusters, nodal[:, 2], 1.0)
+
+    first = followed(EarlierClusters.none(), 1.0)
+    assert first.one_mm2.tolist() == [0.0]
+    steady = followed(first, 1.2)
+    np.testing.assert_allclose(steady.one_mm2, [1.2], rtol=1e-6)
+    np.testing.assert_allclose(followed(steady, 3.0).one_mm2, [1.2], rtol=1e-6)  # a sudden press
+    np.testing.assert_allclose(followed(steady, 1.3, held=True).one_mm2, [1.2], rtol=1e-6)
+    np.testing.assert_allclose(followed(steady, 0.9).one_mm2, [0.9], rtol=1e-6)
+    assert followed(steady, 1.2, 8.0).one_mm2.tolist() == [0.0]  # another contact

@@ -5,11 +5,18 @@ import pytest
 
 from manytouch.estimation import MechanicsEstimator
 from manytouch.estimation.mechanics.clusters.bars import BarRule
-from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, cluster_moments
+from manytouch.estimation.mechanics.clusters.evidence import Evidence
+from manytouch.estimation.mechanics.clusters.force_clusters import (
+    Clusters,
+    EarlierClusters,
+    cluster_moments,
+)
 from manytouch.estimation.mechanics.clusters.rigid_faces import RigidFaces
 from pressed_sheet import THICKNESS_MM, contacts_of, pressed, slack_sensor
+from synthetic_evidence import evidence_of
 
 NO_CONTACT = np.zeros((0, 2))
+NO_CLUSTERS = EarlierClusters.none()
 HALF_MM = 5.5  # from the middle of the face to each of two edges that press
 
 
@@ -48,12 +55,18 @@ def test_a_contact_that_comes_to_press_with_near_ends_stays_one(kept_thickness: 
     flat_mm = np.column_stack([np.zeros(15), np.linspace(-1.8, 1.8, 15) * THICKNESS_MM])
     flat = [pressed(flat_mm, 0.03, 10 + seed) for seed in range(4)]
     split = [pressed(ends_mm, 0.08, 20 + seed) for seed in range(4)]
-    faces = RigidFaces(kept_thickness=kept_thickness, bars=BarRule(min_f=-1e3))
+    faces = RigidFaces(kept_thickness=kept_thickness, max_growth=0.0, bars=BarRule(min_f=-1e3))
     assert len(contacts_of([*rest, *flat, *split], faces).touching) == count
 
 
 def joined(
-    place_mm: np.ndarray, depth_mm: list[float], force_mm2: list[float], previous_mm: np.ndarray = NO_CONTACT
+    place_mm: np.ndarray,
+    depth_mm: list[float],
+    force_mm2: list[float],
+    previous_mm: np.ndarray = NO_CONTACT,
+    *,
+    earlier: EarlierClusters = NO_CLUSTERS,
+    evidence: Evidence | None = None,
 ) -> Clusters:
     """What becomes of forces at some places of a sheet that is everywhere as deep as at the nearest place."""
     model = MechanicsEstimator().start(slack_sensor()).model
@@ -67,9 +80,45 @@ def joined(
         model,
         coefficient_mm,
         cluster_moments(model.nodes, nodal_mm2, label),
+        lambda node: evidence,
         previous_mm,
-        lambda node: None,
+        earlier=earlier,
     )
+
+
+@pytest.mark.parametrize(
+    ("half_mm", "one_mm2", "centre_mm", "ratio", "count"),
+    [
+        (3.0, 0.31, 0.0, 1.0, 1),
+        (3.0, 0.25, 0.0, 1.0, 2),  # the force has grown
+        (3.0, 0.31, 2.0, 1.0, 2),  # the contact was elsewhere
+        (3.0, 0.31, 0.0, 0.2, 2),
+        (4.5, 0.31, 0.0, 1.0, 2),  # so far apart they are seen as two when they begin
+    ],
+)
+def test_near_ends_stay_one_contact_while_its_force_does_not_grow(
+    half_mm: float, one_mm2: float, centre_mm: float, ratio: float, count: int
+) -> None:
+    load = row_mm(half_mm, 2), [1.0, 1.0], [0.3 / (1.0 + ratio), 0.3 * ratio / (1.0 + ratio)]
+    apart = joined(*load)
+    middle_mm = apart.normal_mm2 @ apart.centre_mm / 0.3
+    earlier = EarlierClusters(
+        centre_mm=middle_mm[None] + [centre_mm, 0.0], one_mm2=np.array([one_mm2]), nodal_mm2=np.zeros(0)
+    )
+    found = joined(*load, earlier=earlier)
+    assert (len(apart), len(found)) == (2, count)
+    assert found.is_one_as_before.tolist() == ([True] if count == 1 else [False, False])
+
+
+@pytest.mark.parametrize(("one_mm2", "count"), [(2.1, 2), (2.6, 1)])
+def test_near_ends_that_the_markers_show_apart_are_one_only_while_they_are_released(
+    one_mm2: float, count: int
+) -> None:
+    load = row_mm(3.5, 2), [1.0, 1.0], [1.0, 1.0]
+    centre_mm = joined(*load).centre_mm.mean(axis=0)[None]
+    earlier = EarlierClusters(centre_mm=centre_mm, one_mm2=np.array([one_mm2]), nodal_mm2=np.zeros(0))
+    evidence = evidence_of([1.0, 3.5, 0.0, 1.0, -3.5, 0.0, 0.6])
+    assert len(joined(*load, earlier=earlier, evidence=evidence)) == count
 
 
 def row_mm(half_mm: float, count: int) -> np.ndarray:

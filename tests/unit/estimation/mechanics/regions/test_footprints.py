@@ -36,6 +36,7 @@ def cluster(
         corner_points_mm=(np.zeros((0, 2)),),
         shape_probability=np.array([[0.0, 0.0, 1.0, 0.0] if probability is None else probability]),
         fitted_mm2=np.full(4, np.nan),
+        is_one_as_before=np.zeros(1, dtype=np.bool_),
     )
 
 
