@@ -7,6 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from manytouch.cli.terminal.failures import usage_error
+from manytouch.errors import ManytouchError
 from manytouch.rigs.rig_contact import RigContact
 from manytouch.values import Phase
 from manytouch.values.display.text import count_of
@@ -66,7 +67,8 @@ def run_rig_file(
 
     Raises:
         CycloptsError: an option is given that the rig file states for each sensor.
-        ManytouchError: the rig file or the address of an output is wrong.
+        ManytouchError: the rig file or the address of an output is wrong, or, at the end, a sensor was given
+            up.
     """
     wrong = [
         name for name, value in given.items() if not (value is None or value is False or value in ((), {}))
@@ -107,9 +109,12 @@ def run_rig_file(
     for name, state in states.items():
         times = "" if not state.restarts else f", started again {count_of(state.restarts, 'time')}"
         log.on_note(name, f"{count_of(state.frames, 'frame')} processed, {state.dropped} dropped{times}")
-    failed = [name for name, state in states.items() if state.is_over and state.failures]
+    failed = {name: state.failure for name, state in states.items() if state.is_over and state.failures}
     if record is not None:
         log.on_note(
             rig.name, f"recorded {record}; manytouch view {record}#{rig.sensors[0].name} shows a sensor"
         )
-    return 1 if failed else 0
+    if failed:
+        reasons = "; ".join(f"{name}: {why or 'its process ended'}" for name, why in failed.items())
+        raise ManytouchError(f"{len(failed)} of {count_of(len(states), 'sensor')} failed, {reasons}")
+    return 0

@@ -1,8 +1,13 @@
 """Lines about the contacts of a rig."""
 
 from dataclasses import replace
+from pathlib import Path
 
-from manytouch.cli.terminal.rig_run import RigLog
+import pytest
+
+from manytouch.cli.terminal.rig_run import RigLog, run_rig_file
+from manytouch.errors import ManytouchError
+from manytouch.rigs import run_rig as rigs
 from manytouch.rigs.rig_contact import RigContact
 from manytouch.values import Phase
 
@@ -44,3 +49,13 @@ def test_what_is_unknown_is_left_out() -> None:
         "thumb", 0.0, (replace(CONTACT, position_mm=(nothing,) * 3, depth_mm=nothing, own=own),)
     )
     assert lines == ["thumb:    0.000 s  #2 touches"]
+
+
+def test_a_sensor_that_is_given_up_ends_the_command_with_its_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rigs, "MOST_FAILURES", 1)
+    path = tmp_path / "rig.toml"
+    path.write_text('schema = 1\nname = "hand"\n[[sensors]]\nname = "index"\nsource = "gone.mp4"\n')
+    with pytest.raises(ManytouchError, match=r"^1 of 1 sensor failed, index: There is no 'gone\.mp4' in"):
+        run_rig_file(path, {}, out=None, record=None, to=(), is_viewing=False, port=0)
