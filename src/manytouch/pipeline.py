@@ -29,7 +29,7 @@ from manytouch.values import (
     Surface,
     TrackedGrid,
 )
-from manytouch.values.arrays import Points2
+from manytouch.values.arrays import Points2, read_only
 
 
 @runtime_checkable
@@ -196,6 +196,7 @@ def track_frames(
             grid = merged_grid(several, [each for _, each in parts], len(sensor.layout.rest_mm))
         else:
             detections, grid = views[0].step(frame)
+        _protect(detections)
         spent_ms = 1e3 * (time.perf_counter() - begin_s)
         yield TrackedFrame(frame=frame, detections=detections, grid=grid, milliseconds=spent_ms)
     if not several:
@@ -204,6 +205,12 @@ def track_frames(
     return FrontState(
         detection=tuple(each.detection for each in after), tracking=tuple(each.tracking for each in after)
     )
+
+
+def _protect(dots: Detections) -> None:
+    """Make the arrays of dots read-only; the kernels that find and assign them take writable ones."""
+    for array in (dots.centre_px, dots.covariance_px2, dots.area_px2, dots.contrast):
+        read_only(array)
 
 
 def _states_of_views(state: FrontState | None, count: int) -> list[FrontState | None]:

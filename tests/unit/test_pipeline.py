@@ -95,6 +95,13 @@ def test_every_frame_gives_one_reading_in_order() -> None:
     assert all(reading.milliseconds > 0 for reading in made)
 
 
+def test_the_dots_of_a_reading_are_read_only() -> None:
+    _, made = readings()
+    found = made[0].detections
+    arrays = (found.centre_px, found.covariance_px2, found.area_px2, found.contrast)
+    assert not any(array.flags.writeable for array in arrays)
+
+
 def test_a_lost_frame_is_searched_again_from_the_memory_before_it() -> None:
     looks, made = readings()
     assert looks.calls == [(0, False), (1, True), (1, False), (2, True), (3, True)]
