@@ -23,6 +23,8 @@ from manytouch.values import Sensor
 
 UNITS = ("mm2", "pitch2", "Nmm", "mm", "pitch", "px", "rad", "N", "s")
 TEXTS = ("phase", "shape", "status", "method")
+INTEGERS = ("slip", "lost_ids", "new_ids")  # these and the numbers may be empty in every line
+NUMBERS = ("shape_probability",)
 
 
 def write_parquet(recordings: Sequence[Recording], folder: Path) -> None:
@@ -53,6 +55,8 @@ def tables(recording: Recording, scratch: Path) -> Iterator[tuple[str, pa.Table]
         kinds = pc.ConvertOptions(
             column_types={
                 **dict.fromkeys(TEXTS, pa.string()),
+                **dict.fromkeys(INTEGERS, pa.int64()),
+                **dict.fromkeys(NUMBERS, pa.float64()),
                 **{
                     column: pa.float64()
                     for column in path.read_text().partition("\n")[0].split(",")

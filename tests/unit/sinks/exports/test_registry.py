@@ -5,6 +5,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import xarray
@@ -83,6 +84,14 @@ def test_parquet_tables_have_units_and_every_line(record, tmp_path: Path) -> Non
     assert sorted(path.name for path in folder.iterdir()) == [
         *("contacts.parquet", "frames.parquet", "markers.parquet", "regions.parquet")
     ]
+
+
+def test_columns_of_parquet_tables_have_types_also_where_every_line_is_empty(record, tmp_path: Path) -> None:
+    (folder,) = export([record(tmp_path / "press.mcap")], "parquet", tmp_path / "out")
+    contacts, frames = (pq.read_schema(folder / f"{name}.parquet") for name in ("contacts", "frames"))
+    assert not any(pa.types.is_null(each.type) for each in (*contacts, *frames))
+    assert [contacts.field(name).type for name in ("slip", "shape_probability")] == [pa.int64(), pa.float64()]
+    assert [frames.field(name).type for name in ("lost_ids", "new_ids")] == [pa.int64()] * 2
 
 
 def test_an_existing_result_is_never_replaced_and_a_failed_one_leaves_nothing(record, tmp_path: Path) -> None:
