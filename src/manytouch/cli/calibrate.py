@@ -13,6 +13,7 @@ from manytouch.cli.terminal.failures import usage_error, usage_errors
 
 if TYPE_CHECKING:
     from manytouch.calibration.camera.board_views import ViewCollection
+    from manytouch.values import Sensor
 
 app = App(name="calibrate", help="Calibrate camera, rest and sheet.")
 
@@ -67,7 +68,6 @@ def camera(
     from manytouch.cli.terminal.console import Steps
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.sinks.files.atomic_output import check_file_writable, check_writable
-    from manytouch.values.sensor_file import save_sensor
 
     console = Console(highlight=False, soft_wrap=True)
     with usage_errors("calibrate camera"):
@@ -84,7 +84,7 @@ def camera(
     if report is not None:
         write_report(found, report, name)
         console.print(f"  report in {report}", markup=False)
-    save_sensor(calibrated_camera(found, name), out)
+    _save(calibrated_camera(found, name), out)
     console.print(f"  camera in {out}", markup=False)
     return 0
 
@@ -150,7 +150,7 @@ def rest(
     from manytouch.sinks.files.atomic_output import check_file_writable
     from manytouch.sources import closing_source, open_source
     from manytouch.sources.opening import views_of
-    from manytouch.values.sensor_file import load_sensor, save_sensor
+    from manytouch.values.sensor_file import load_sensor
 
     console = Console(highlight=False, soft_wrap=True, markup=False)
     if sensor is None:
@@ -189,7 +189,7 @@ def rest(
         )
     for line in (*candidates.notes, *lines):
         console.print(f"  {line}")
-    save_sensor(calibrated, out)
+    _save(calibrated, out)
     console.print(f"  sensor in {out}")
     return 0
 
@@ -245,7 +245,7 @@ def sheet(
     from manytouch.calibration.sheet.typed_presses import read_typed_presses
     from manytouch.cli.terminal.console import Steps
     from manytouch.sinks.files.atomic_output import check_file_writable, check_writable
-    from manytouch.values.sensor_file import load_sensor, save_sensor
+    from manytouch.values.sensor_file import load_sensor
 
     if plan is None and (presses is None or out is None):
         raise usage_error(
@@ -281,7 +281,7 @@ def sheet(
         found = (calibrate_pad if is_pad else calibrate_sheet)(known, measured)
     for line in describe(found):
         console.print(f"  {line}")
-    save_sensor(with_provenance(known, found, table.name), out)
+    _save(with_provenance(known, found, table.name), out)
     console.print(f"  sensor in {out}")
     return 0
 
@@ -301,3 +301,11 @@ class _ViewProgress:
             wanted = "; missing: " + "; ".join(missing) if missing else ""
             self._report(f"  {len(collection.views)} good views{last}{wanted}")
         return self._stop() or (self._is_live and not missing)
+
+
+def _save(sensor: "Sensor", path: Path) -> None:
+    """Write a sensor file, and its folder."""
+    from manytouch.values.sensor_file import save_sensor
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save_sensor(sensor, path)

@@ -105,8 +105,7 @@ def evaluate(
     if paper and (quick or group or tuning):
         raise usage_error("evaluate", "--paper does not run the suite: omit --quick, --group and --tuning")
     require_packages()
-    if not given:
-        check_writable(out)  # before hours of work
+    check_writable(out)  # before what may be hours of work
     reporter = Reporter(bar=False)
     if paper:
         return _paper(method, cache=cache, processes=max(processes, 1), out=out)

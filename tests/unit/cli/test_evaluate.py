@@ -52,6 +52,14 @@ def test_folders_that_are_not_there_are_one_sentence(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
+def test_a_file_instead_of_a_folder_is_refused_before_the_folders_are_read(tmp_path: Path) -> None:
+    out = tmp_path / "report"
+    out.write_text("mine")
+    with pytest.raises(ManytouchError, match="is a file, not a folder"):
+        run(str(tmp_path / "a"), str(tmp_path / "b"), "--out", str(out))
+    assert out.read_text() == "mine"
+
+
 @pytest.fixture
 def solved(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, Path]]:
     """How many cases would be solved, and kept where, instead of solving them."""

@@ -76,7 +76,12 @@ def read_press_table(path: Path) -> tuple[PressRow, ...]:
         with path.open("rb") as file:
             content = file.read(MAX_TABLE_BYTES + 1)
         text = content.decode("utf-8-sig")
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise SourceError(
+            f"the table of presses {path} cannot be read: {error.strerror}; give the path of a table with a "
+            "line for each press"
+        ) from None
+    except ValueError as error:
         raise SourceError(f"the table of presses {path} cannot be read: {error}") from None
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     if len(content) > MAX_TABLE_BYTES or len(lines) > MAX_PRESSES + 1:

@@ -236,7 +236,9 @@ def test_a_table_of_presses_names_each_mistake(tmp_path):
         SensorError, match=r"input is empty.*x_mm = 'one' is not a number; y_mm is empty; normal_force_N = -2"
     ):
         read_press_table(table)
-    with pytest.raises(SourceError, match="cannot be read"):
+    with pytest.raises(
+        SourceError, match=r"cannot be read: No such file or directory; give the path of a table"
+    ):
         read_press_table(tmp_path / "nothing.csv")
 
 
