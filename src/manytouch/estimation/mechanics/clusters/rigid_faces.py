@@ -48,6 +48,8 @@ class RigidFaces:
             contact, in elements.
         same_centre_pitch: clusters continue a contact of the previous frame if the centre of their forces is
             within this distance of its centre, in pitches.
+        unchanged_thickness: least distance of two clusters for `max_growth`, in thicknesses. Two balls 2.0
+            thicknesses apart can be one contact while their force grows; ends of cylinders are 2.5 and more.
         max_growth: two clusters that continue one contact stay one as long as their force is at most this
             factor of that with which the markers last showed one, unless these clearly show two.
         released: at this share of that force they stay one whatever the markers show.
@@ -70,6 +72,7 @@ class RigidFaces:
     kept_thickness: float = 3.2
     min_pair_elements: float = 4.5
     same_centre_pitch: float = 0.4
+    unchanged_thickness: float = 2.3
     max_growth: float = 1.1
     released: float = 0.8
     rise_mm: float = 0.004
@@ -170,7 +173,8 @@ class RigidFaces:
             own = pair[np.argsort(-clusters.normal_mm2[pair], kind="stable")]
             force_mm2, place_mm = clusters.normal_mm2[own], clusters.centre_mm[own]
             gap_mm = float(np.linalg.norm(place_mm[1] - place_mm[0]))
-            is_near = gap_mm < self.resolved_thickness * model.thickness_mm
+            gap = gap_mm / model.thickness_mm
+            is_near = self.unchanged_thickness <= gap < self.resolved_thickness
             is_even = force_mm2[1] >= self.min_force_ratio * force_mm2[0]
             centre_mm = force_mm2 @ place_mm / force_mm2.sum()
             before = earlier.nearest(centre_mm, self.same_centre_pitch * model.pitch_mm)

@@ -17,6 +17,7 @@ from synthetic_evidence import evidence_of
 
 NO_CONTACT = np.zeros((0, 2))
 NO_CLUSTERS = EarlierClusters.none()
+FACES = RigidFaces()
 HALF_MM = 5.5  # from the middle of the face to each of two edges that press
 
 
@@ -67,6 +68,7 @@ def joined(
     *,
     earlier: EarlierClusters = NO_CLUSTERS,
     evidence: Evidence | None = None,
+    faces: RigidFaces = FACES,
 ) -> Clusters:
     """What becomes of forces at some places of a sheet that is everywhere as deep as at the nearest place."""
     model = MechanicsEstimator().start(slack_sensor()).model
@@ -76,7 +78,7 @@ def joined(
     node = away_mm.argmin(axis=0)
     nodal_mm2, label = np.zeros_like(coefficient_mm), np.full(len(coefficient_mm), -1)
     nodal_mm2[node, 2], label[node] = -np.array(force_mm2), np.arange(len(node))
-    return RigidFaces()(
+    return faces(
         model,
         coefficient_mm,
         cluster_moments(model.nodes, nodal_mm2, label),
@@ -108,6 +110,8 @@ def test_near_ends_stay_one_contact_while_its_force_does_not_grow(
     found = joined(*load, earlier=earlier)
     assert (len(apart), len(found)) == (2, count)
     assert found.is_one_as_before.tolist() == ([True] if count == 1 else [False, False])
+    nearer = RigidFaces(unchanged_thickness=half_mm)  # more than their distance of twice that, over 2 mm
+    assert len(joined(*load, earlier=earlier, faces=nearer)) == 2
 
 
 @pytest.mark.parametrize(("one_mm2", "count"), [(2.1, 2), (2.6, 1)])
