@@ -32,6 +32,7 @@ from manytouch.estimation.pad.patch_kernels import (
     add_pressure,
     density,
     moment_trace,
+    radial_arms,
 )
 from manytouch.estimation.pad.patch_prior import PatchPrior
 from manytouch.estimation.pad.patch_slopes import PatchPad
@@ -56,12 +57,12 @@ class PatchImages:
     Attributes:
         nodal: (s, DISTRIBUTION_COUNT, nx, ny) nodal forces of the pressure with unit force.
         column: (s, LOAD_COUNT, 2 m) marker images by unit loads.
-        scale: (s, 2) what the torque and the radial shear are divided by.
+        scale_mm2: (s,) what the torque is divided by.
     """
 
     nodal: Float64[np.ndarray, "s 3 nx ny"]
     column: Float64[np.ndarray, "s 5 r"]
-    scale: Float64[np.ndarray, "s 2"]
+    scale_mm2: Scalars
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -241,20 +242,20 @@ class PatchFitter:
         """Images of a contact with each of the shapes (s, SHAPE)."""
         grid, count = model.grid, len(shapes)
         nodal = np.zeros((count, DISTRIBUTION_COUNT, grid.count_x + 3, grid.count_y + 3))
-        scale = np.empty((count, 2))
+        scale_mm2, arms = np.empty(count), np.empty((count, 3))
         column = np.zeros((count, LOAD_COUNT, 2 * len(model.rest_px)))
         for number, shape in enumerate(shapes):
             add_pressure(shape, grid, _points(model, shape, profile), nodal[number])
             add_layer_images(shape, int(profile), model.table, model.markers, column[number])
-            scale[number] = _load_scale(shape)
+            scale_mm2[number], arms[number] = moment_trace(shape), radial_arms(shape)
         window = _window(np.asarray(nodal[:, 0].any(axis=0)))
         load = nodal[:, :, *window].reshape(count * DISTRIBUTION_COUNT, -1)
         rows = column.shape[-1]
         x, y, z = (model.by_sides[axis][window].reshape(-1, rows) for axis in range(3))
         by_x, by_y = ((load @ axis).reshape(count, DISTRIBUTION_COUNT, rows) for axis in (x, y))
-        column += _unit_loads(by_x, by_y, load[::DISTRIBUTION_COUNT] @ z)
-        column[:, 3:] /= scale[:, :, None]
-        return PatchImages(nodal=nodal, column=column, scale=scale)
+        column += _unit_loads(by_x, by_y, load[::DISTRIBUTION_COUNT] @ z, arms)
+        column[:, 3] /= scale_mm2[:, None]
+        return PatchImages(nodal=nodal, column=column, scale_mm2=scale_mm2)
 
     def _common_std(self, parameters: int) -> Scalars:
         """Standard deviations of the motion of the image and of the parameters of the pad."""
@@ -296,14 +297,19 @@ def _window(is_used: np.ndarray) -> tuple[slice, slice]:
     return slice(used_x[0], used_x[-1] + 1), slice(used_y[0], used_y[-1] + 1)
 
 
-def _unit_loads(by_x: np.ndarray, by_y: np.ndarray, by_z: np.ndarray) -> Float64[np.ndarray, "s 5 r"]:
+def _unit_loads(
+    by_x: np.ndarray, by_y: np.ndarray, by_z: np.ndarray, arms: Float64[np.ndarray, "s 3"]
+) -> Float64[np.ndarray, "s 5 r"]:
     """(s, LOAD_COUNT, r) images from those by the distributions of force along x and y, and by force along z.
 
     Args:
         by_x, by_y: (s, DISTRIBUTION_COUNT, r) by force along x and along y.
         by_z: (s, r) by force along z, distributed as the pressure.
+        arms: (s, 3) `radial_arms` of each shape, 1/mm.
     """
-    return np.stack([-by_z, by_x[:, 0], by_y[:, 0], by_y[:, 1] - by_x[:, 2], by_x[:, 1] + by_y[:, 2]], axis=1)
+    xx, yx, yy = arms.T[:, :, None]
+    radial = xx * by_x[:, 1] + yx * (by_x[:, 2] + by_y[:, 1]) + yy * by_y[:, 2]
+    return np.stack([-by_z, by_x[:, 0], by_y[:, 0], by_y[:, 1] - by_x[:, 2], radial], axis=1)
 
 
 def _by_sheet(
@@ -316,17 +322,11 @@ def _by_sheet(
     load = nodal[:, *window].reshape(DISTRIBUTION_COUNT, -1)
     count, rows = len(model.by_parameter), model.by_parameter.shape[-1]
     x, y, z = (model.by_parameter[:, axis, *window].reshape(count, -1, rows) for axis in range(3))
-    column = _unit_loads(load @ x, load @ y, load[0] @ z)
-    column[:, 3:] /= _load_scale(shape)[:, None]
+    column = _unit_loads(load @ x, load @ y, load[0] @ z, np.tile(radial_arms(shape), (count, 1)))
+    column[:, 3] /= moment_trace(shape)
     return column
 
 
 def _points(model: BondedPadModel, shape: np.ndarray, profile: int) -> Float64[np.ndarray, "q 3"]:
     """The quadrature of the nodal forces of a shape."""
     return np.asarray((POINTS, DENSE_POINTS, DENSEST_POINTS)[density(shape, model.grid)][profile])
-
-
-def _load_scale(shape: np.ndarray) -> Float64[np.ndarray, "2"]:
-    """What the torque and the radial shear of a shape are divided by."""
-    trace = moment_trace(shape)
-    return np.array([trace, np.sqrt(0.5 * trace)])

@@ -16,15 +16,28 @@ from manytouch.estimation.pad.patch_kernels import (
     cubic,
     density,
     moment_trace,
+    radial_arms,
 )
 
 LOAD_COUNT = 5
 """Number of loads of a contact: normal force, shear x, y and torque, over E; radial shear over normal
-force, positive outwards."""
+force (`radial_arms`), positive outwards."""
 PARAMETER_COUNT = SHAPE + LOAD_COUNT
 """Number of parameters of a contact: those of its shape, then its loads."""
 FORCE, SHEAR_X, SHEAR_Y, TORQUE, RADIAL_SHEAR = range(SHAPE, PARAMETER_COUNT)
 """Places of the loads among the parameters."""
+
+
+@kernel()
+@no_type_check
+def load_of(
+    parameters: Float64[np.ndarray, "10"],
+) -> tuple[float, float, float, float, float, float, float]:
+    """Normal force, shear x and y, the factor of the turn, and the matrix xx, yx, yy of the radial shear."""
+    turn, radial = parameters[TORQUE] / moment_trace(parameters), parameters[FORCE] * parameters[RADIAL_SHEAR]
+    xx, yx, yy = radial_arms(parameters)
+    shear_x, shear_y = parameters[SHEAR_X], parameters[SHEAR_Y]
+    return parameters[FORCE], shear_x, shear_y, turn, radial * xx, radial * yx, radial * yy
 
 
 @kernel()
@@ -44,17 +57,13 @@ def add_tractions(
     spread[:] = 0.0
     points = DENSEST_POINTS if level == 2 else DENSE_POINTS if level == 1 else POINTS
     add_pressure(parameters, grid, points[profile], spread)
-    trace = moment_trace(parameters)
-    turn, grow = (
-        parameters[TORQUE] / trace,
-        parameters[FORCE] * parameters[RADIAL_SHEAR] / np.sqrt(0.5 * trace),
-    )
+    press, shear_x, shear_y, turn, arm_xx, arm_yx, arm_yy = load_of(parameters)
     for i in range(spread.shape[1]):
         for j in range(spread.shape[2]):
             even, by_x, by_y = spread[0, i, j], spread[1, i, j], spread[2, i, j]
-            nodal[0, i, j] += parameters[SHEAR_X] * even - turn * by_y + grow * by_x
-            nodal[1, i, j] += parameters[SHEAR_Y] * even + turn * by_x + grow * by_y
-            nodal[2, i, j] -= parameters[FORCE] * even
+            nodal[0, i, j] += shear_x * even + arm_xx * by_x + (arm_yx - turn) * by_y
+            nodal[1, i, j] += shear_y * even + (arm_yx + turn) * by_x + arm_yy * by_y
+            nodal[2, i, j] -= press * even
 
 
 @kernel()

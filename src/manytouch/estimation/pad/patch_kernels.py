@@ -131,6 +131,37 @@ def moment_trace(shape: Float64[np.ndarray, " k"]) -> float:
 
 @kernel()
 @no_type_check
+def radial_arms(shape: Float64[np.ndarray, " k"]) -> tuple[float, float, float]:
+    """Matrix xx, yx, yy, 1/mm, by which the place from the centre gives the radial shear over the pressure.
+
+    It is the inverse second moment of the pressure, so that the shear is along the gradient of a dome of
+    pressure, across a long contact and not along it: there a pressed pad flows, and an object that sticks
+    holds it. The root of its mean square, weighted with the pressure, is that of the unit load times the
+    square root of 2. On a round patch the shear is the place over the root of the second moment.
+    """
+    xx, yx, yy = shape[ROOT_XX], shape[ROOT_YX], shape[ROOT_YY]
+    scale = np.sqrt(2.0 / moment_trace(shape)) / abs(xx * yy)
+    return scale * (yx * yx + yy * yy), -scale * xx * yx, scale * xx * xx
+
+
+@kernel()
+@no_type_check
+def radial_arm_slopes(shape: Float64[np.ndarray, " k"], slope: Float64[np.ndarray, "3 3"]) -> None:
+    """Derivatives of `radial_arms` (second index) by the three roots of a shape (first), into `slope`."""
+    xx, yx, yy = shape[ROOT_XX], shape[ROOT_YX], shape[ROOT_YY]
+    arms, per_trace = radial_arms(shape), 1.0 / moment_trace(shape)
+    scale = np.sqrt(2.0 * per_trace) / abs(xx * yy)
+    for k in range(3):
+        slope[0, k] = -(xx * per_trace + 1.0 / xx) * arms[k]
+        slope[1, k] = -yx * per_trace * arms[k]
+        slope[2, k] = -(yy * per_trace + 1.0 / yy) * arms[k]
+    slope[0, 1], slope[0, 2] = slope[0, 1] - scale * yx, slope[0, 2] + 2.0 * scale * xx
+    slope[1, 0], slope[1, 1] = slope[1, 0] + 2.0 * scale * yx, slope[1, 1] - scale * xx
+    slope[2, 0] += 2.0 * scale * yy
+
+
+@kernel()
+@no_type_check
 def cubic(place: float, count: int, value: Float64[np.ndarray, "4"]) -> int:
     """The four cubic B-splines at a place in elements, into `value`; returns the number of the first."""
     place = min(max(place, 0.0), float(count))
@@ -226,8 +257,8 @@ def add_layer_images(
         profile: of its pressure.
         table: of the layer.
         markers: the markers.
-        image: result, for a normal force along -z, shear along x and y, and for shear of y and x from the
-            centre (a turn) and of x and y from it (a growth), all in proportion to the pressure.
+        image: result, for a normal force along -z, shear along x and y, for shear of y and x from the centre
+            (a turn), and for radial shear (`radial_arms`), all in proportion to the pressure.
     """
     blob, away = _spread_points(shape, profile, table.root[0], table.root[-1])
     place = np.log(blob / table.root[0]) / np.log(table.root[1] / table.root[0])
@@ -240,6 +271,7 @@ def add_layer_images(
             along[n, j] = (1.0 - above) * table.value[low, n, j] + above * table.value[low + 1, n, j]
     per_step = 1.0 / table.step
     total = np.empty((5, 3))
+    arm_xx, arm_yx, arm_yy = radial_arms(shape)
     for m in range(len(markers.place)):
         out_x = out_y = up = 0.0
         xx = xy = yy = xz = yz = 0.0
@@ -275,7 +307,9 @@ def add_layer_images(
         total[1, 0], total[1, 1], total[1, 2] = xx, xy, xz
         total[2, 0], total[2, 1], total[2, 2] = xy, yy, yz
         total[3, 0], total[3, 1], total[3, 2] = x_xy - y_xx, x_yy - y_xy, x_yz - y_xz
-        total[4, 0], total[4, 1], total[4, 2] = x_xx + y_xy, x_xy + y_yy, x_xz + y_yz
+        total[4, 0] = arm_xx * x_xx + arm_yx * (y_xx + x_xy) + arm_yy * y_xy
+        total[4, 1] = arm_xx * x_xy + arm_yx * (y_xy + x_yy) + arm_yy * y_yy
+        total[4, 2] = arm_xx * x_xz + arm_yx * (y_xz + x_yz) + arm_yy * y_yz
         for load in range(5):
             for axis in range(2):
                 for j in range(3):

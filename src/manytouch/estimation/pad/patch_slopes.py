@@ -19,6 +19,7 @@ from manytouch.estimation.pad.patch_forces import (
     TORQUE,
     add_scaled,
     add_tractions,
+    load_of,
 )
 from manytouch.estimation.pad.patch_kernels import (
     CENTRE_X,
@@ -33,6 +34,8 @@ from manytouch.estimation.pad.patch_kernels import (
     PadGrid,
     density,
     moment_trace,
+    radial_arm_slopes,
+    radial_arms,
     spread_of,
 )
 
@@ -111,27 +114,17 @@ def _along_radius(
 def _place_points(
     points: Float64[np.ndarray, "q 3"],
     spread: tuple[float, float, float, float],
-    load: tuple[float, float, float, float, float],
+    load: tuple[float, float, float, float, float, float, float],
     placed: Float64[np.ndarray, "q 5"],
 ) -> None:
     """Places of the points from the centre, their weights, and their tractions along x and y."""
     _, xx, yx, yy = spread
-    _, shear_x, shear_y, turn, grow = load
+    _, shear_x, shear_y, turn, arm_xx, arm_yx, arm_yy = load
     for k in range(len(points)):
         ax, ay = xx * points[k, 0], yx * points[k, 0] + yy * points[k, 1]
         placed[k, 0], placed[k, 1], placed[k, 2] = ax, ay, points[k, 2]
-        placed[k, 3] = points[k, 2] * (shear_x - turn * ay + grow * ax)
-        placed[k, 4] = points[k, 2] * (shear_y + turn * ax + grow * ay)
-
-
-@kernel()
-@no_type_check
-def _load_of(parameters: Float64[np.ndarray, "10"]) -> tuple[float, float, float, float, float]:
-    """Normal force, shear x and y, and the factors of the turn and of the growth."""
-    trace = moment_trace(parameters)
-    turn = parameters[TORQUE] / trace
-    grow = parameters[FORCE] * parameters[RADIAL_SHEAR] / np.sqrt(0.5 * trace)
-    return parameters[FORCE], parameters[SHEAR_X], parameters[SHEAR_Y], turn, grow
+        placed[k, 3] = points[k, 2] * (shear_x + arm_xx * ax + (arm_yx - turn) * ay)
+        placed[k, 4] = points[k, 2] * (shear_y + (arm_yx + turn) * ax + arm_yy * ay)
 
 
 @kernel()
@@ -159,7 +152,7 @@ def add_image(
         image: result.
     """
     table, markers = pad.table, pad.markers
-    spread, load = spread_of(parameters, profile, table.root[0], table.root[-1]), _load_of(parameters)
+    spread, load = spread_of(parameters, profile, table.root[0], table.root[-1]), load_of(parameters)
     count = table.value.shape[1]
     along, by_root = np.empty((count, 5)), np.empty((count, 5))
     _along_radius(table, spread[0], along, by_root)
@@ -239,7 +232,7 @@ def fill_slopes(  # noqa: PLR0915 - one pass over all pairs of markers and point
         slope: result; the last row is for unit radial shear as a force.
     """
     table, markers = pad.table, pad.markers
-    spread, load = spread_of(parameters, profile, table.root[0], table.root[-1]), _load_of(parameters)
+    spread, load = spread_of(parameters, profile, table.root[0], table.root[-1]), load_of(parameters)
     chain, count = np.empty((3, 4)), table.value.shape[1]
     _spread_slopes(parameters, profile, table, chain)
     along, by_root = np.empty((count, 5)), np.empty((count, 5))
@@ -250,10 +243,12 @@ def fill_slopes(  # noqa: PLR0915 - one pass over all pairs of markers and point
     _place_points(far_points, spread, load, far)
     near2, far2 = _far_from(spread, (count - 1) * table.step)
     per_step = 1.0 / table.step
-    press, _, _, turn, grow = load
-    trace = moment_trace(parameters)
-    scale_turn, scale_grow = 1.0 / trace, 1.0 / np.sqrt(0.5 * trace)
-    total, by_load, by_spread = np.empty((PARAMETER_COUNT, 3)), np.empty((5, 3)), np.empty((4, 3))
+    press, _, _, turn, arm_xx, arm_yx, arm_yy = load
+    scale_turn, (unit_xx, unit_yx, unit_yy) = 1.0 / moment_trace(parameters), radial_arms(parameters)
+    radial, arm_slope = press * parameters[RADIAL_SHEAR], np.empty((3, 3))
+    radial_arm_slopes(parameters, arm_slope)
+    by_arm = np.empty((3, 3))
+    total, by_load, by_spread = np.empty((PARAMETER_COUNT, 3)), np.empty((4, 3)), np.empty((4, 3))
     for m in range(len(markers.place)):
         px, py = markers.place[m, 0] - parameters[CENTRE_X], markers.place[m, 1] - parameters[CENTRE_Y]
         is_far = near2 < px * px + py * py < far2
@@ -325,23 +320,26 @@ def fill_slopes(  # noqa: PLR0915 - one pass over all pairs of markers and point
         y_xx, y_xy, y_yy = a_yx * p_xx + a_yy * q_xx, a_yx * p_xy + a_yy * q_xy, a_yx * p_yy + a_yy * q_yy
         y_xz, y_yz = a_yx * p_xz + a_yy * q_xz, a_yx * p_yz + a_yy * q_yz
         by_load[3, 0], by_load[3, 1], by_load[3, 2] = x_xy - y_xx, x_yy - y_xy, x_yz - y_xz
-        by_load[4, 0], by_load[4, 1], by_load[4, 2] = x_xx + y_xy, x_xy + y_yy, x_xz + y_yz
+        by_arm[0, 0], by_arm[0, 1], by_arm[0, 2] = x_xx, x_xy, x_xz
+        by_arm[1, 0], by_arm[1, 1], by_arm[1, 2] = y_xx + x_xy, y_xy + x_yy, y_xz + x_yz
+        by_arm[2, 0], by_arm[2, 1], by_arm[2, 2] = y_xy, y_yy, y_yz
         total[CENTRE_X, 0], total[CENTRE_X, 1], total[CENTRE_X, 2] = -gx0, -gx1, -gx2
         total[CENTRE_Y, 0], total[CENTRE_Y, 1], total[CENTRE_Y, 2] = -gy0, -gy1, -gy2
         by_spread[0, 0], by_spread[0, 1], by_spread[0, 2] = h0, h1, h2
-        by_spread[1, 0] = grow * p_xx + turn * p_xy - pgx0
-        by_spread[1, 1] = grow * p_xy + turn * p_yy - pgx1
-        by_spread[1, 2] = grow * p_xz + turn * p_yz - pgx2
-        by_spread[2, 0] = grow * p_xy - turn * p_xx - pgy0
-        by_spread[2, 1] = grow * p_yy - turn * p_xy - pgy1
-        by_spread[2, 2] = grow * p_yz - turn * p_xz - pgy2
-        by_spread[3, 0] = grow * q_xy - turn * q_xx - qgy0
-        by_spread[3, 1] = grow * q_yy - turn * q_xy - qgy1
-        by_spread[3, 2] = grow * q_yz - turn * q_xz - qgy2
+        by_spread[1, 0] = arm_xx * p_xx + (arm_yx + turn) * p_xy - pgx0
+        by_spread[1, 1] = arm_xx * p_xy + (arm_yx + turn) * p_yy - pgx1
+        by_spread[1, 2] = arm_xx * p_xz + (arm_yx + turn) * p_yz - pgx2
+        by_spread[2, 0] = arm_yy * p_xy + (arm_yx - turn) * p_xx - pgy0
+        by_spread[2, 1] = arm_yy * p_yy + (arm_yx - turn) * p_xy - pgy1
+        by_spread[2, 2] = arm_yy * p_yz + (arm_yx - turn) * p_xz - pgy2
+        by_spread[3, 0] = arm_yy * q_xy + (arm_yx - turn) * q_xx - qgy0
+        by_spread[3, 1] = arm_yy * q_yy + (arm_yx - turn) * q_xy - qgy1
+        by_spread[3, 2] = arm_yy * q_yz + (arm_yx - turn) * q_xz - qgy2
         for j in range(3):
             for axis in range(3):
-                shared = turn * by_load[3, axis] * 2.0 + grow * by_load[4, axis]
-                value = -parameters[ROOT_XX + j] * scale_turn * shared
+                value = -2.0 * parameters[ROOT_XX + j] * scale_turn * turn * by_load[3, axis]
+                for k in range(3):
+                    value += radial * arm_slope[j, k] * by_arm[k, axis]
                 for k in range(4):
                     value += chain[j, k] * by_spread[k, axis]
                 total[ROOT_XX + j, axis] = value
@@ -349,7 +347,9 @@ def fill_slopes(  # noqa: PLR0915 - one pass over all pairs of markers and point
             for number in range(3):
                 total[FORCE + number, axis] = by_load[number, axis]
             total[TORQUE, axis] = scale_turn * by_load[3, axis]
-            total[RADIAL_SHEAR, axis] = scale_grow * by_load[4, axis]
+            total[RADIAL_SHEAR, axis] = (
+                unit_xx * by_arm[0, axis] + unit_yx * by_arm[1, axis] + unit_yy * by_arm[2, axis]
+            )
         for axis in range(2):
             along_axis = markers.slope[m, axis]
             for number in range(PARAMETER_COUNT):
@@ -380,15 +380,14 @@ def _add_sides(
         force[parameter] -= plain
         force[parameter] /= _STEP_MM
         moved[parameter] = parameters[parameter]
-    trace = moment_trace(parameters)
-    scale_turn, scale_grow = 1.0 / trace, 1.0 / np.sqrt(0.5 * trace)
+    scale_turn, (unit_xx, unit_yx, unit_yy) = 1.0 / moment_trace(parameters), radial_arms(parameters)
     force[FORCE, 2] -= unit[0]
     force[SHEAR_X, 0] += unit[0]
     force[SHEAR_Y, 1] += unit[0]
     force[TORQUE, 0] -= scale_turn * unit[2]
     force[TORQUE, 1] += scale_turn * unit[1]
-    force[RADIAL_SHEAR, 0] += scale_grow * unit[1]
-    force[RADIAL_SHEAR, 1] += scale_grow * unit[2]
+    force[RADIAL_SHEAR, 0] += unit_xx * unit[1] + unit_yx * unit[2]
+    force[RADIAL_SHEAR, 1] += unit_yx * unit[1] + unit_yy * unit[2]
     low_x, high_x, low_y, high_y = _window(pad.grid, parameters)
     for axis in range(3):
         for i in range(low_x, high_x):

@@ -15,11 +15,14 @@ from manytouch.estimation.pad.patch_kernels import (
     DENSE_POINTS,
     DENSEST_POINTS,
     POINTS,
+    ROOT_XX,
     LayerTable,
     Markers,
     Profile,
     add_layer_images,
     add_pressure,
+    radial_arm_slopes,
+    radial_arms,
 )
 from manytouch.estimation.pad.patches import Patches
 from manytouch.geometry.spline.patch import SplinePatch
@@ -162,7 +165,32 @@ def test_images_are_those_of_the_pressure_of_a_profile(profile: Profile, error: 
     assert np.linalg.norm(image[0] - expected[0]) > 2.0 * error * np.linalg.norm(expected[0])
 
 
-def test_turn_and_growth_are_shear_in_proportion_to_the_arm() -> None:
+def test_radial_shear_is_the_place_over_the_root_on_a_round_patch() -> None:
+    np.testing.assert_allclose(radial_arms(np.array([3.0, 1.0, 1.6, 0.0, 1.6])), [1 / 1.6, 0.0, 1 / 1.6])
+
+
+@pytest.mark.parametrize("profile", Profile)
+def test_radial_shear_is_along_the_gradient_of_the_pressure(profile: Profile) -> None:
+    """Across a long patch, and as strong as on a round one; normal to the ellipses of equal pressure."""
+    root = np.array([[0.6, 0.0], [2.1, 0.5]])
+    xx, yx, yy = radial_arms(np.array([0.0, 0.0, root[0, 0], root[1, 0], root[1, 1]]))
+    place_mm = POINTS[profile][:, :2] @ root.T
+    shear = place_mm @ [[xx, yx], [yx, yy]]
+    assert POINTS[profile][:, 2] @ (shear**2).sum(axis=1) == pytest.approx(2.0)
+    gradient = place_mm @ np.linalg.inv(root @ root.T)
+    np.testing.assert_allclose(shear / np.linalg.norm(shear), gradient / np.linalg.norm(gradient), atol=1e-12)
+
+
+def test_slopes_of_the_radial_shear_are_those_of_differences() -> None:
+    shape, slope = np.array([0.0, 0.0, 1.1, -0.4, 0.7]), np.empty((3, 3))
+    radial_arm_slopes(shape, slope)
+    for root in range(3):
+        step = 1e-6 * np.eye(5)[ROOT_XX + root]
+        above, below = (np.array(radial_arms(shape + sign * step)) for sign in (1.0, -1.0))
+        np.testing.assert_allclose(slope[root], (above - below) / 2e-6, rtol=1e-6)
+
+
+def test_turn_and_radial_shear_are_in_proportion_to_the_arm() -> None:
     place_mm = np.array([[1.0, 0.5], [-2.0, 1.0], [0.2, -3.0]])
     slope = np.tile(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), (3, 1, 1))
     table, markers = layer_at(0.3), Markers(place_mm, slope)
@@ -173,11 +201,14 @@ def test_turn_and_growth_are_shear_in_proportion_to_the_arm() -> None:
     root = np.array([[1.2, 0.0], [0.4, 0.9]])
     blob = min(0.3 * np.sqrt(1.2 * 0.9), 0.9 * np.sqrt(np.linalg.eigvalsh(root @ root.T)[0]))
     rest = np.linalg.cholesky(root @ root.T - blob**2 * np.eye(2))
+    moment = root @ root.T
+    shear = np.sqrt(2.0 * np.linalg.det(moment) / np.trace(moment)) * np.linalg.inv(moment)
     for x, y, weight in POINTS[Profile.FLAT]:
         away_mm = rest @ (x, y)
         one = gaussian_images(shape[:2] + away_mm, blob, place_mm)
         expected[3] += weight * (away_mm[0] * one[2] - away_mm[1] * one[1])
-        expected[4] += weight * (away_mm[0] * one[1] + away_mm[1] * one[2])
+        arm = shear @ away_mm
+        expected[4] += weight * (arm[0] * one[1] + arm[1] * one[2])
     np.testing.assert_allclose(whole[3:], expected[3:], atol=1e-9)
 
 

@@ -8,6 +8,7 @@ import pytest
 from layouts import grid_at
 from manytouch.estimation.pad.estimator import PadEstimator, PadState
 from manytouch.estimation.pad.pad_model import NominalPad
+from manytouch.estimation.pad.patch_forces import RADIAL_SHEAR
 from manytouch.estimation.pad.patches import Profile
 from manytouch.evaluation.suite.calibrated.pad_sensor import calibration_presses, drawn_pad
 from manytouch.evaluation.suite.pads.cases import OwnPadCase, pads
@@ -83,6 +84,17 @@ def test_a_wide_press_that_is_sudden_has_the_force_of_a_slow_one(thin: tuple[Pad
     (one,), (other,) = contacts.touching, sudden.touching
     assert other.normal_force_over_E_mm2 == pytest.approx(one.normal_force_over_E_mm2, rel=0.02)
     assert one.normal_force_over_E_mm2 == pytest.approx(true_mm2(case, 2), rel=0.2)
+
+
+def test_a_long_object_that_sticks_has_the_radial_shear_of_one() -> None:
+    """Its shear is across the contact; if it were along it too, the markers would show none."""
+    (case,) = (each for each in pads("pads") if each.name == "fingertip-dragged")
+    start = LONGER.start(exact_sensor(true_pad(case)))
+    for seed in range(3):
+        after, _, contacts = LONGER.step(start, grid_of(case, 1, seed))
+        (contact,) = contacts.touching
+        assert after.patches.parameters[0, RADIAL_SHEAR] < -0.05
+        assert contact.normal_force_over_E_mm2 == pytest.approx(true_mm2(case, 1), rel=0.11)
 
 
 def test_a_fit_leaves_a_guess_from_which_long_steps_lead_nowhere(thin: tuple[PadState, OwnPadCase]) -> None:
