@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from manytouch.session import pipeline_for
+from manytouch.session.warm_up import warm_up_for
 from manytouch.sources.pressed import PressedSource
 from manytouch.sources.simulated import simulated_source
 from manytouch.values import Press, Release, Sensor, TrackedGrid
@@ -67,7 +68,8 @@ def pressed_grids(most: int = len(PLACES_MM)) -> tuple[Sensor, Iterator[tuple[Tr
 def times_ms(
     sensor: Sensor, grids: Iterable[tuple[TrackedGrid, int]], method: str = "mechanics"
 ) -> dict[int, list[float]]:
-    """Processor time of each frame by the true number of contacts."""
+    """Processor time of each frame by the true number of contacts; functions are compiled before."""
+    warm_up_for(method, sensor)
     estimate = pipeline_for(method).estimate
     state, random = estimate.start(sensor), np.random.default_rng(0)
     found: dict[int, list[float]] = defaultdict(list)

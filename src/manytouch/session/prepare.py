@@ -24,7 +24,7 @@ from manytouch.session.methods import (
 )
 from manytouch.session.result_hashes import Pitch, Request
 from manytouch.session.run import NoObserver, Observer, StopCondition
-from manytouch.session.warm_up import compiled_methods, warm_up_kernels
+from manytouch.session.warm_up import warm_up_for
 from manytouch.sources import Source, open_source
 from manytouch.sources.cameras.capture import CameraRequest
 from manytouch.sources.source import ASSUMED_FPS, close
@@ -117,8 +117,7 @@ class Job:
         Raises:
             ManytouchError: the frames cannot be processed with this pipeline and sensor.
         """
-        for method in compiled_methods(self.method, self.sensor):
-            warm_up_kernels(method, on_message)
+        warm_up_for(self.method, self.sensor, on_message)
         try:
             estimation = self.pipeline.estimate.start(self.sensor)
             tracked = self.pipeline.track_frames(self.samples, self.sensor)
@@ -218,7 +217,7 @@ def prepare(
         known = source.capabilities.sensor if given is None else given
         if given is not None or known is None:
             chosen = method or (DEFAULT if known is None else default_method(known))
-            warm_up_kernels(chosen, None if observer is None else observer.on_message)
+            warm_up_for(chosen, known, None if observer is None else observer.on_message)
         spread = partial(spread_frames, source) if whole_recording and can_be_read_twice(source) else None
         found, first, frames = _determine_sensor(
             source, text, given, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px, spread=spread

@@ -14,7 +14,7 @@ from manytouch.session.methods import ParameterValue
 from manytouch.session.prepare import prepare
 from manytouch.session.result_hashes import Pitch
 from manytouch.session.run import NoObserver, Observer
-from manytouch.session.warm_up import compiled_methods, warm_up_kernels
+from manytouch.session.warm_up import warm_up_for
 from manytouch.sinks.output_process.process import start_outputs
 from manytouch.sinks.publishers.registry import check_addresses
 from manytouch.sources import Source
@@ -110,8 +110,7 @@ class Stream:
         if self._live is not None:
             raise ManytouchError("a stream can be entered once: call manytouch.stream again")
         job = prepare(self._source, observer=self._given, **self._request)
-        for method in compiled_methods(job.method, job.sensor):
-            warm_up_kernels(method, None if self._given is None else self._given.on_message)
+        warm_up_for(job.method, job.sensor, None if self._given is None else self._given.on_message)
         with ExitStack() as closing:
             live = Live(job, record=self._record)
             closing.callback(live.close)

@@ -19,6 +19,7 @@ from platformdirs import user_cache_path
 from manytouch.compilation import kernels_folder
 from manytouch.kernel_cache import compiling, is_writable
 from manytouch.session.methods import kernels
+from manytouch.session.methods.pipelines import PAD
 from manytouch.values import Sensor
 
 SOURCES = Path(__file__).parents[1]
@@ -26,10 +27,12 @@ STAGES = ("pixels", "contacts")
 OWN_KERNELS = {
     "mechanics": "manytouch.mechanics.solver.band_kernels",
     "perimeter": "manytouch.estimation.perimeter.surface_kernels",
+    PAD: "manytouch.estimation.pad.patch_kernels",
 }
-"""A module of compiled functions of a package that only one method needs."""
-FUNCTIONS = {"mechanics": 46, "perimeter": 44}
-"""About how many functions a method compiles, for the progress."""
+"""A module of compiled functions of a package that only one method needs, or `mechanics` on pads."""
+FUNCTIONS = {"mechanics": 46, "perimeter": 44, PAD: 38}
+"""About how many functions are compiled for each, for the progress."""
+NAMES = {PAD: "mechanics on pads"}
 MESSAGE_EVERY_S = 3.0
 CODE = "import sys; from manytouch.session.methods.compile_stage import main; main(*sys.argv[1:])"
 
@@ -48,7 +51,7 @@ def warm_up_kernels(method: str, on_message: OnMessage | None = None) -> bool:
     compiled and the others wait for it.
 
     Args:
-        method: that will be used.
+        method: that will be used, or `PAD`.
         on_message: gets the progress; None: it is printed on standard error, since it lasts a minute.
 
     Returns:
@@ -65,7 +68,8 @@ def warm_up_kernels(method: str, on_message: OnMessage | None = None) -> bool:
             return False
         on_message = on_message or _print
         if compile_in_processes(method, on_message):
-            on_message(f"compiled for {method}; later runs with this method need not compile")
+            name = NAMES.get(method, method)
+            on_message(f"compiled for {name}; later runs with this method need not compile")
             with suppress(OSError):
                 mark = compiled_mark(method)
                 mark.parent.mkdir(parents=True, exist_ok=True)
@@ -73,12 +77,22 @@ def warm_up_kernels(method: str, on_message: OnMessage | None = None) -> bool:
     return True
 
 
+def warm_up_for(method: str, sensor: Sensor | None, on_message: OnMessage | None = None) -> None:
+    """Compile what the frames of a sensor need, or of one that is not known yet."""
+    for name in (method,) if sensor is None else compiled_methods(method, sensor):
+        warm_up_kernels(name, on_message)
+
+
 def compiled_methods(method: str, sensor: Sensor) -> tuple[str, ...]:
-    """Methods whose kernels the frames of a sensor need.
+    """Methods, or `PAD`, whose kernels the frames of a sensor need.
 
     `mechanics` has the values of `perimeter` in frames that an assumed sheet does not describe.
     """
-    return (method, "perimeter") if method == "mechanics" and sensor.sheet is None else (method,)
+    if method != "mechanics":
+        return (method,)
+    if sensor.sheet is None:
+        return method, "perimeter"
+    return (PAD,) if sensor.sheet.boundary == "bonded" else (method,)
 
 
 def compile_in_processes(method: str, on_message: OnMessage) -> bool:
@@ -88,8 +102,9 @@ def compile_in_processes(method: str, on_message: OnMessage) -> bool:
         Whether all ended well. Otherwise kernels are compiled when they are needed.
     """
     expected, done, printed_s = FUNCTIONS[method], 0, time.monotonic()
+    name = NAMES.get(method, method)
     on_message(
-        f"compiling about {expected} functions for the method {method}: a minute, on a busy machine several, "
+        f"compiling about {expected} functions for the method {name}: a minute, on a busy machine several, "
         "once only (each method has functions of its own)"
     )
     with ExitStack() as running:
@@ -100,7 +115,7 @@ def compile_in_processes(method: str, on_message: OnMessage) -> bool:
             done += 1
             if time.monotonic() - printed_s > MESSAGE_EVERY_S:
                 printed_s = time.monotonic()
-                on_message(f"compiling {done} of {max(expected, done)} for {method}, once only")
+                on_message(f"compiling {done} of {max(expected, done)} for {name}, once only")
         return all(process.wait() == 0 for process in processes)
 
 

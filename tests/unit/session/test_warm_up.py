@@ -26,7 +26,10 @@ def nothing_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warm_up, "COMPILED", set())
 
 
-def test_the_contact_is_processed_from_its_beginning_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("method", ["perimeter", "pad"])
+def test_the_contact_is_processed_from_its_beginning_to_its_end(
+    monkeypatch: pytest.MonkeyPatch, method: str
+) -> None:
     contacts: list[Contacts] = []
     tracked: list[TrackedFrame] = []
 
@@ -49,8 +52,8 @@ def test_the_contact_is_processed_from_its_beginning_to_its_end(monkeypatch: pyt
                 yield each
 
     monkeypatch.setattr(compile_stage, "pipeline_for", Observed)
-    compile_stage.compile_stage("perimeter", "contacts")
-    compile_stage.compile_stage("perimeter", "pixels")
+    compile_stage.compile_stage(method, "contacts")
+    compile_stage.compile_stage(method, "pixels")
     touched = [bool(each.touching) for each in contacts]
     assert not touched[0]
     assert any(touched)
@@ -215,6 +218,9 @@ def test_an_assumed_sheet_needs_the_kernels_of_perimeter_too() -> None:
     assert warm_up.compiled_methods("mechanics", sensor) == ("mechanics",)
     assert warm_up.compiled_methods("mechanics", replace(sensor, sheet=None)) == ("mechanics", "perimeter")
     assert warm_up.compiled_methods("perimeter", replace(sensor, sheet=None)) == ("perimeter",)
+    pad = simulated_source("pad", width_px=320).sensor
+    assert warm_up.compiled_methods("mechanics", pad) == ("pad",)
+    assert warm_up.compiled_methods("perimeter", pad) == ("perimeter",)
 
 
 @pytest.mark.parametrize("is_given", [False, True])
@@ -238,7 +244,7 @@ def test_processing_from_python_shows_that_it_compiles(
 ) -> None:
     given: list[object] = []
     module = sys.modules["manytouch.session.prepare"]
-    monkeypatch.setattr(module, "warm_up_kernels", lambda _, on_message=None: given.append(on_message))
+    monkeypatch.setattr(module, "warm_up_for", lambda _method, _sensor, on_message: given.append(on_message))
     process("sim:one", out=tmp_path, method="perimeter", stop=lambda: True)
     assert given
     assert all(each is None for each in given), "nobody gets the messages, so that they are printed"

@@ -16,7 +16,7 @@ from numba.core import event
 
 from manytouch.calibration import sensor_from_rest
 from manytouch.errors import ManytouchError
-from manytouch.session.methods.pipelines import pipeline_for
+from manytouch.session.methods.pipelines import PAD, pipeline_for
 from manytouch.sources.simulated import simulated_source
 from manytouch.values import Frame
 from manytouch.values.arrays import Image, read_only
@@ -32,22 +32,24 @@ def compile_stage(method: str, stage: str) -> None:
     """Process a simulated contact, so that all functions are compiled that its frames need.
 
     Args:
-        method: of the pipeline.
+        method: of the pipeline, or `PAD`.
         stage: "pixels": detection and tracking, also of frames in which markers are lost; "contacts": what
             follows them, from the true positions of the dots.
     """
-    simulator = simulated_source(SCENE, width_px=WIDTH_PX).simulator
-    pipeline = pipeline_for(method)
+    is_pad = method == PAD and stage == "contacts"
+    simulator = simulated_source(PAD if is_pad else SCENE, width_px=WIDTH_PX).simulator
+    pipeline = pipeline_for("mechanics" if method == PAD else method)
+    shown = [number // 2 if is_pad else number for number in FRAMES]  # the scene of the pad is half as long
     if stage == "pixels":
-        frames = [replace(simulator.frame(shown), index=index) for index, shown in enumerate(FRAMES)]
+        frames = [replace(simulator.frame(number), index=index) for index, number in enumerate(shown)]
         with suppress(ManytouchError):
             sensor_from_rest(frames[:AT_REST_COUNT], name=SCENE)
         for _ in pipeline.track_frames([*frames, *frames_without_markers(frames)], simulator.sensor):
             pass
     else:
         state = pipeline.estimate.start(simulator.sensor)
-        for shown in FRAMES:
-            state, _, _ = pipeline.estimate.step(state, simulator.truth(shown).grid)
+        for number in shown:
+            state, _, _ = pipeline.estimate.step(state, simulator.truth(number).grid)
 
 
 def frames_without_markers(frames: list[Frame]) -> Iterator[Frame]:

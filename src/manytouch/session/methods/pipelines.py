@@ -19,6 +19,8 @@ from manytouch.values.surface import SPLINE
 METHODS = ("mechanics", "perimeter", "paper")
 DEFAULT = "perimeter"
 """The method that needs no properties of the sheet."""
+PAD = "pad"
+"""Instead of `mechanics` where kernels are compiled: on a bonded pad it has kernels of its own."""
 
 
 def kernels() -> dict[str, bool]:
