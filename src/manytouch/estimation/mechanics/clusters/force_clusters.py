@@ -17,7 +17,9 @@ from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes, smo
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Points2, Scalars, read_only
 
-_STEADY = 0.4  # share of the nodal forces that may change between two frames of which the second is steady
+_STEADY = 0.4
+"""Share of the nodal forces that may change between two frames of which the second is steady. It was chosen
+between a cylinder at the end of its ramp (.22) and the second frame of a sudden press (.6); see ADR 124."""
 
 
 @runtime_checkable

@@ -10,7 +10,6 @@ strong. Four or more are joined if their depths are on one plane, unless two of 
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -52,7 +51,8 @@ class RigidFaces:
             thicknesses apart can be one contact while their force grows; ends of cylinders are 2.5 and more.
         max_growth: two clusters that continue one contact stay one as long as their force is at most this
             factor of that with which the markers last showed one, unless these clearly show two.
-        released: at this share of that force they stay one whatever the markers show.
+        released: at this share of that force they stay one whatever the markers show. Both were chosen on
+            cylinders and blocks that are held and released (ADR 124).
         rise_mm, rise_share: the sheet between two places of one face may be this much less deep than the line
             between them, in mm and over their depth; the error of the shape.
         pair_rise_share: like `rise_share`, of a pair that the markers may show to be one bar.
@@ -130,9 +130,9 @@ class RigidFaces:
                         face = self._with_enclosed(model, clusters, own, group)
                         joined, is_done[face] = self._join(joined, clusters, face), True
                         break
-        for own, share in self._unchanged(model, clusters, is_about_flat & ~was_apart, earlier):
-            bars = partial(self.bars, model, clusters, own, evidence_at, was_two=False, was_one=True)
-            if not is_done[own].any() and (share <= self.released or bars(is_unchanged=True) is not False):
+        is_left = is_about_flat & ~was_apart & ~is_done & ~is_done[:, None]
+        for own in self._unchanged(model, clusters, is_left, earlier, evidence_at=evidence_at):
+            if not is_done[own].any():
                 face = self._with_enclosed(model, clusters, own, np.flatnonzero(~is_done))
                 joined, is_done[face] = self._join(joined, clusters, face, as_before=True), True
         kept = np.flatnonzero(joined.force_mm2[:, 2] != 0.0)
@@ -162,25 +162,30 @@ class RigidFaces:
         return depth_mm, pairs[0], pairs[1]
 
     def _unchanged(
-        self, model: InversionModel, clusters: Clusters, is_pair: np.ndarray, earlier: EarlierClusters
-    ) -> Iterator[tuple[Int64[np.ndarray, "2"], float]]:
-        """Near pairs whose force is not larger than when the markers last showed them as one contact.
-
-        As long as it does not grow, nothing new shows that they are two. The second value is the share of
-        that force that is left.
-        """
+        self,
+        model: InversionModel,
+        clusters: Clusters,
+        is_pair: np.ndarray,
+        earlier: EarlierClusters,
+        *,
+        evidence_at: EvidenceAt,
+    ) -> Iterator[Int64[np.ndarray, "2"]]:
+        """Near pairs that stay one: without more force than when the markers showed one, nothing is new."""
         for pair in np.argwhere(np.triu(is_pair, 1)):
             own = pair[np.argsort(-clusters.normal_mm2[pair], kind="stable")]
             force_mm2, place_mm = clusters.normal_mm2[own], clusters.centre_mm[own]
-            gap_mm = float(np.linalg.norm(place_mm[1] - place_mm[0]))
-            gap = gap_mm / model.thickness_mm
+            gap = float(np.linalg.norm(place_mm[1] - place_mm[0])) / model.thickness_mm
             is_near = self.unchanged_thickness <= gap < self.resolved_thickness
             is_even = force_mm2[1] >= self.min_force_ratio * force_mm2[0]
             centre_mm = force_mm2 @ place_mm / force_mm2.sum()
             before = earlier.nearest(centre_mm, self.same_centre_pitch * model.pitch_mm)
             one_mm2 = 0.0 if before is None else float(earlier.one_mm2[before])
-            if is_near and is_even and force_mm2.sum() <= self.max_growth * one_mm2:
-                yield own, float(force_mm2.sum()) / one_mm2
+            if not (is_near and is_even and force_mm2.sum() <= self.max_growth * one_mm2):
+                continue
+            is_released = force_mm2.sum() <= self.released * one_mm2
+            decide = {"was_two": False, "was_one": True, "is_unchanged": True}
+            if is_released or self.bars(model, clusters, own, evidence_at, **decide) is not False:
+                yield own
 
     def _are_alike(self, clusters: Clusters, depth_mm: Scalars) -> np.ndarray:
         """(c, c) pairs that are about as deep and as strong."""
