@@ -54,16 +54,24 @@ def _scatter_tangent(
 
 @inlined_kernel(fastmath=True)
 @no_type_check
+def _transpose(matrix: Float[np.ndarray, "16 16"], turned: Float[np.ndarray, "16 16"]) -> None:
+    """The transpose of a matrix, into `turned`."""
+    for row in range(LOCAL):
+        for column in range(LOCAL):
+            turned[row, column] = matrix[column, row]
+
+
+@inlined_kernel(fastmath=True)
+@no_type_check
 def _sum_plane(
-    factor: Float[np.ndarray, "9 2 c"],
-    count: int,
+    factor: Float[np.ndarray, "9 2 2"],
     plane: Float[np.ndarray, "18 16"],
     left: Float[np.ndarray, "63 16"],
 ) -> None:
-    """Sums over the derivatives of the displacement along x or y, for `count` derivatives of another one."""
+    """Sums over the derivatives of the displacement along x or y, for both derivatives of another one."""
     for at in range(POINTS):
         by_x, by_y = plane[at], plane[POINTS + at]
-        for column in range(count):
+        for column in range(2):
             to, x, y = left[column * POINTS + at], factor[at, 0, column], factor[at, 1, column]
             for k in range(LOCAL):
                 to[k] = x * by_x[k] + y * by_y[k]
@@ -102,15 +110,12 @@ def _sum_derivatives(
 ) -> int:
     """Sums over the derivatives of component i, one row for each derivative of component j at each point.
 
-    They are written to `left`; returns the number of rows.
+    j is at most i. They are written to `left`; returns the number of rows.
     """
     i, j = component
-    if i < 2 and j < 2:
-        _sum_plane(derivatives.plane[:, i, j], 2, plane, left)
-        return 2 * POINTS
     if i < 2:
-        _sum_plane(derivatives.coupling[:, i], 7, plane, left)
-        return 7 * POINTS
+        _sum_plane(derivatives.plane[:, i, j], plane, left)
+        return 2 * POINTS
     if j < 2:
         _sum_deflection(derivatives.coupling[:, j], deflection, left)
         return 2 * POINTS
@@ -130,7 +135,8 @@ def forces_and_tangent(
     """
     kind, tables, local = tangent.dtype, new_tables(), np.empty((3, LOCAL))
     nx, ny, wx, wy, nxx, nyy, nxy, lx, ly = tables
-    element, matrix = np.empty((3, LOCAL)), np.empty((LOCAL, LOCAL), kind)
+    element = np.empty((3, LOCAL))
+    matrix, turned = np.empty((LOCAL, LOCAL), kind), np.empty((LOCAL, LOCAL), kind)
     left = np.empty((7 * POINTS, LOCAL), kind)
     plane, deflection = np.empty((2 * POINTS, LOCAL), kind), np.empty((7 * POINTS, LOCAL), kind)
     flat, flat_left, flat_tangent = matrix.reshape(-1), left.reshape(-1), tangent.reshape(-1)
@@ -161,7 +167,7 @@ def forces_and_tangent(
                 deflection[row * POINTS : (row + 1) * POINTS] = table
             first = (es - elements.dropped, ef - elements.dropped)
             for i in range(3):
-                for j in range(3):
+                for j in range(i + 1):  # the tangent is symmetric
                     count = _sum_derivatives((i, j), derivatives, plane, deflection, left)
                     right = flat_deflection if j == 2 else flat_plane
                     matrix[:] = 0.0
@@ -170,5 +176,8 @@ def forces_and_tangent(
                             to, from_row = At(row * LOCAL + column, LOCAL), At(row, LOCAL)
                             add_product(flat, to, flat_left, from_row, right, At(column, LOCAL), count)
                     _scatter_tangent(matrix, (i, j), first, elements.shape, flat_tangent)
+                    if j < i:
+                        _transpose(matrix, turned)
+                        _scatter_tangent(turned, (j, i), first, elements.shape, flat_tangent)
             scatter_force(element, elements, es, ef, force)
     clear_outside(elements.shape, tangent)
