@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
 
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
@@ -12,6 +14,8 @@ from manytouch.values.arrays import Covariances3, Mask, Points3, Scalars, read_o
 
 _SAMPLES = 60
 """Number of markers whose variances are computed; their median is used for all markers."""
+_MOST_REACH = 5.5
+"""Distance beyond which the weight of a force, a Gaussian, counts as 0, in its standard deviations."""
 USUAL_REST_FRAMES = 15
 """Number of frames at rest with which `model_std_pitch` was determined."""
 
@@ -88,12 +92,12 @@ class DisplacementCovarianceState:
             images alone, while nothing touches the sheet; median over the markers.
         std_px: standard deviation of the marker images along an axis for which `noise_mm` was computed.
         proximity: (m, n) weight of the force at each node in the error at each marker, 0 to 1; it decreases
-            with their distance.
+            with their distance, and is 0 beyond `_MOST_REACH`.
     """
 
     noise_mm: Float64[np.ndarray, "3"]
     std_px: float
-    proximity: Float64[np.ndarray, "m nodes"]
+    proximity: csr_array
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -139,12 +143,11 @@ class DisplacementCovariance:
         chosen = np.unique(np.linspace(0, count - 1, min(count, _SAMPLES)).astype(np.int64))
         node, slope = model.dots.face.basis.node[chosen], model.dots.face.derivative(rest_mm)[chosen]
         variance = [posterior.variances(node, slope[:, axis]) for axis in range(3)]
-        away_mm = np.linalg.norm(model.layout.rest_mm[:, None, :2] - model.patch.place_mm, axis=2)
         reach_mm = self.reach_thickness * model.thickness_mm
         return DisplacementCovarianceState(
             noise_mm=read_only(np.sqrt(np.median(variance, axis=1))),
             std_px=std_px,
-            proximity=read_only(np.exp(-0.5 * (away_mm / reach_mm) ** 2)),
+            proximity=_proximity(model.layout.rest_mm[:, :2], model.patch.place_mm, reach_mm),
         )
 
     def __call__(
@@ -178,3 +181,14 @@ class DisplacementCovariance:
         for axis, share in enumerate((self.lateral_share, self.lateral_share, 1.0)):
             covariance[:, axis, axis] = factor * (noise_mm[axis] ** 2 + share**2 * error_mm2)
         return covariance
+
+
+def _proximity(
+    marker_mm: Float64[np.ndarray, "m 2"], node_mm: Float64[np.ndarray, "n 2"], reach_mm: float
+) -> csr_array:
+    """(m, n) Gaussians of the distances between markers (m, 2) and nodes (n, 2)."""
+    near = cKDTree(marker_mm / reach_mm).sparse_distance_matrix(
+        cKDTree(node_mm / reach_mm), _MOST_REACH, output_type="ndarray"
+    )
+    weight = np.exp(-0.5 * near["v"] ** 2)
+    return csr_array((weight, (near["i"], near["j"])), shape=(len(marker_mm), len(node_mm)))
