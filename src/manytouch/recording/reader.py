@@ -57,6 +57,7 @@ class Recording:
         is_complete: whether the file was closed; a truncated file is read up to its last whole message.
         about: of the first session: source, method, parameters, versions.
         sensor: of the first session.
+        method: of all sessions; None where it was changed.
         started_unix_ns: time of timestamp 0.
         frames: in order, also those that are damaged.
         damaged_bytes: size of what is not whole.
@@ -88,7 +89,10 @@ class Recording:
         self.is_complete = found.is_complete
         self.damaged_bytes = sum(end - begin for begin, end in found.damaged)
         self._cached: tuple[ChunkLocation | None, bytes] = (None, b"")
-        self.sensor, self.about = self._first_session(found.topic(prefix + SESSION))
+        sessions = self._sessions(found.topic(prefix + SESSION))
+        self.sensor, self.about = sessions[0]
+        methods = {about.get("method") for _, about in sessions}
+        self.method: str | None = methods.pop() if len(methods) == 1 else None
         self.started_unix_ns: int = self.about["started_unix_ns"]
         camera, readings = (self._by_sequence(found.topic(prefix + each)) for each in (CAMERA, READING))
         if not camera:
@@ -167,16 +171,17 @@ class Recording:
         cut = "" if self.is_complete else ", and it was cut off"
         return f"{self.damaged_bytes} bytes of {self.path.name} are damaged{lost}{cut}; the rest is replayed"
 
-    def _first_session(self, locations: Sequence[MessageLocation]) -> tuple[Sensor, dict[str, Any]]:
-        """Sensor and properties of the first session that is whole."""
+    def _sessions(self, locations: Sequence[MessageLocation]) -> list[tuple[Sensor, dict[str, Any]]]:
+        """Sensor and properties of each session that is whole; at least one."""
         errors: list[SourceError] = []
+        sessions: list[tuple[Sensor, dict[str, Any]]] = []
         for location in locations:
             try:
-                sensor, about = decode_session(self._data(location))
+                sessions.append(decode_session(self._data(location)))
             except SourceError as error:
                 errors.append(error)
-            else:
-                return sensor, about
+        if sessions:
+            return sessions
         if errors:
             raise SourceError(f"{str(self.path)!r} cannot be replayed: {errors[0]}") from errors[0]
         raise self._is_empty()

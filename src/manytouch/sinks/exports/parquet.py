@@ -40,7 +40,7 @@ def tables(recording: Recording, scratch: Path) -> Iterator[tuple[str, pa.Table]
     sensor = recording.sensor
     writers = (
         ContactTable(scratch, sensor),
-        FrameTable(scratch),
+        FrameTable(scratch, recording.method),
         MarkerTable(scratch, sensor),
         RegionTable(scratch, sensor),
     )

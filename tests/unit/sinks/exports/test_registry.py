@@ -16,7 +16,9 @@ from rosbags.highlevel import AnyReader
 from manytouch.errors import OutputError, SourceError
 from manytouch.recording.merge import merge_recordings
 from manytouch.recording.repair import check, repair
+from manytouch.session import pipeline_for
 from manytouch.sinks.exports.registry import FORMATS, export
+from manytouch.sinks.recorder import Recorder
 
 FRAMES = 5
 
@@ -92,6 +94,22 @@ def test_columns_of_parquet_tables_have_types_also_where_every_line_is_empty(rec
     assert not any(pa.types.is_null(each.type) for each in (*contacts, *frames))
     assert [contacts.field(name).type for name in ("slip", "shape_probability")] == [pa.int64(), pa.float64()]
     assert [frames.field(name).type for name in ("lost_ids", "new_ids")] == [pa.int64()] * 2
+
+
+def test_frames_have_the_method_of_the_recording_unless_it_was_changed(
+    record, sensor, reading_of, tmp_path: Path
+) -> None:
+    changed = tmp_path / "changed.mcap"
+    recorder = Recorder(changed, source={"name": "bench"})
+    for index, method in enumerate(("perimeter", "paper")):
+        recorder.describe(sensor, pipeline_for(method), method)
+        reading = reading_of(index, (), depth_mm=0.5)
+        recorder.take(reading.frame)
+        recorder.write(reading)
+    recorder.close()
+    for path, methods in ((record(tmp_path / "press.mcap"), ["perimeter"] * FRAMES), (changed, [None] * 2)):
+        (folder,) = export([path], "parquet", tmp_path / "out")
+        assert pq.read_table(folder / "frames.parquet")["method"].to_pylist() == methods
 
 
 def test_an_existing_result_is_never_replaced_and_a_failed_one_leaves_nothing(record, tmp_path: Path) -> None:
