@@ -263,7 +263,10 @@ def test_measured_positions_keep_rows_and_columns(written: Path, tmp_path: Path)
         ("thickness_mm = 3.0", "thickness_mm = -3.0", "sheet.thickness_mm = -3.0"),
         ("width_px = 2560\n", "", "camera.width_px is missing"),
         ("[[3, 29]]", "[[3, 30]]", "missing [3, 30] is outside 20 x 30"),
-        ("schema = 1", "schema = 2", "schema = 2"),
+        ("schema = 1", "schema = 2", "schema = 2: 1 is expected"),
+        ("schema = 1", "schema = true", "schema = True"),
+        ("schema = 1\n", "", "schema is missing: give 1"),
+        ("[0.0, 1.0, 116.3]", "[116.3]", "translation_mm = [116.3]: a list of 3 numbers is expected"),
         ("distortion = [-0.1, 0.0, 0.0, 0.0, 0.0]", "distortion = [0.1]", "has 5 numbers, found 1"),
         ('polarity = "light"', 'polarity = "grey"', "markers.polarity = 'grey'"),
         ("rows = 20\n", "", "rows and columns belong together"),
@@ -336,6 +339,75 @@ def test_contradictions_are_named_beside_wrong_keys_and_types(written: Path) -> 
     for words in ("unknown key noise.nois", "camera.fx_px = 'a'", "markers are outside the clamped outline"):
         assert message.count(words) == 1, message
     assert "either one [camera]" not in message
+
+
+def test_contradictions_of_a_section_are_named_beside_its_wrong_values(written: Path) -> None:
+    message = message_of(
+        written,
+        ("width_px = 2560", 'width_px = "a"'),
+        ("cx_px = 1279.5", "cx_px = 1e6"),
+        ("cy_px = 719.5", "cy_px = 1e6\ndistortion_std = [0.1]"),
+        ("rotation_vector = [0.0, 0.0, 0.01]", "rotation_vector = [0.0, 0.0]"),
+        ("thickness_mm = 3.0", "thickness_mm = -3.0\nmarker_depth_mm = 2.0\nthickness_std_mm = 0.1"),
+        (
+            "size_mm = [120.0, 80.0]",
+            "size_mm = [120.0, 80.0]\npoisson = 0.7\npoisson_std = 0.1\nyoung_std_MPa = 0.1",
+        ),
+        ("radius_mm = 1.0", "radius_mm = 5.0"),
+        ("[[3, 29]]", "[[3, 29], [3, 30]]"),
+        ('polarity = "light"', 'polarity = "grey"'),
+    )
+    for words in (
+        "camera.width_px = 'a'",
+        "cy_px = 1e+06 is not within",
+        "distortion_std has 1 numbers, but distortion has 5",
+        "camera.pose.rotation_vector = [0.0, 0.0]: a list of 3 numbers is expected",
+        "sheet.thickness_mm = -3.0",
+        "sheet: young_std_MPa is the standard deviation of young_MPa",
+        'sheet: marker_depth_mm belong to boundary = "bonded"',
+        "sheet.poisson = 0.7",
+        "markers.polarity = 'grey'",
+        "markers: missing [3, 30] is outside 20 x 30 markers",
+        "markers: markers of radius_mm = 5 overlap",
+    ):
+        assert message.count(words) == 1, message
+    for words in (
+        "cx_px = 1e+06",
+        "thickness_std_mm is",
+        "poisson_std is",
+        "needs [camera.pose]",
+        "larger than",
+    ):
+        assert words not in message
+
+
+@pytest.mark.parametrize(
+    ("keys", "absent"),
+    [
+        (("boundary", "1"), "belong to boundary"),
+        (("marker_depth_mm", "-1"), "needs marker_depth_mm"),
+        (("rows", "0"), "belong together"),
+        (("pitch_mm", "-4"), "specify rows"),
+        (("size_mm", "[1]"), "outline"),
+    ],
+)
+def test_what_a_wrong_value_leaves_open_is_not_named(written: Path, keys, absent: str) -> None:
+    key, value = keys
+    text = TEXT.replace("[sheet]\n", '[sheet]\nboundary = "bonded"\nmarker_depth_mm = 1.0\n')
+    lines = [f"{key} = {value}" if line.startswith(f"{key} =") else line for line in text.splitlines()]
+    written.write_text("\n".join(lines))
+    with pytest.raises(SensorError) as refusal:
+        load_sensor(written)
+    assert f".{key} = {value}" in str(refusal.value)
+    assert absent not in str(refusal.value)
+
+
+def test_mistakes_in_a_view_hide_no_contradictions_of_the_others(tmp_path: Path) -> None:
+    path = tmp_path / "views.toml"
+    text = several_views(TEXT).replace("fx_px = ", "fx_px = -", 1)
+    path.write_text(text.replace("cy_px = ", "cy_px = 1e6 # "))
+    with pytest.raises(SensorError, match=r"views\.0\.fx_px = -.*views\.0: cy_px.*views\.1: cy_px"):
+        load_sensor(path)
 
 
 @pytest.mark.parametrize(

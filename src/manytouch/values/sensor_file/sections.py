@@ -108,6 +108,8 @@ def _expected(model: type[BaseModel] | None, place: tuple[str, ...]) -> str:
     field = _fields(model, place[:-1]).get(place[-1])
     if field is None:
         return ""
+    if field.examples:
+        return f": give {field.examples[0]}"
     kind = get_origin(field.annotation) or field.annotation
     above = (
         " above 0" if any(getattr(each, "ge", 0) or hasattr(each, "gt") for each in field.metadata) else ""
