@@ -10,6 +10,8 @@ from cyclopts import App, Parameter
 
 from manytouch.cli.terminal import options
 from manytouch.cli.terminal.failures import usage_error, usage_errors
+from manytouch.sinks.files.atomic_output import check_file_writable, check_writable
+from manytouch.source_names import require_existing, views_of
 
 if TYPE_CHECKING:
     from manytouch.calibration.camera.board_views import ViewCollection
@@ -67,7 +69,6 @@ def camera(
     from manytouch.calibration.camera.report import calibrated_camera, describe, write_report
     from manytouch.cli.terminal.console import Steps
     from manytouch.cli.terminal.interrupt import StopOnSignal
-    from manytouch.sinks.files.atomic_output import check_file_writable, check_writable
 
     console = Console(highlight=False, soft_wrap=True)
     with usage_errors("calibrate camera"):
@@ -143,16 +144,6 @@ def rest(
 
     Example: manytouch calibrate rest rest.mp4 --sensor camera.toml --pitch-mm 4 --out sensor.toml
     """
-    from rich.console import Console
-
-    from manytouch.calibration.sensor_at_rest import calibrate_sensor_at_rest, candidate_frames, stated_sheet
-    from manytouch.cli.terminal.console import Steps
-    from manytouch.sinks.files.atomic_output import check_file_writable
-    from manytouch.sources import closing_source, open_source
-    from manytouch.sources.opening import views_of
-    from manytouch.values.sensor_file import load_sensor
-
-    console = Console(highlight=False, soft_wrap=True, markup=False)
     if sensor is None:
         raise usage_error(
             "calibrate rest",
@@ -161,6 +152,16 @@ def rest(
         )
     if sheet_mm is not None and thickness_mm is None:
         raise usage_error("calibrate rest", "--sheet-mm requires --thickness-mm")
+    check_file_writable(out)
+    require_existing([source])
+    from rich.console import Console
+
+    from manytouch.calibration.sensor_at_rest import calibrate_sensor_at_rest, candidate_frames, stated_sheet
+    from manytouch.cli.terminal.console import Steps
+    from manytouch.sources import closing_source, open_source
+    from manytouch.values.sensor_file import load_sensor
+
+    console = Console(highlight=False, soft_wrap=True, markup=False)
     known = load_sensor(sensor)
     if known.camera.views and (
         pitch_mm is not None or roi is not None or (thickness_mm is not None) > (sheet_mm is not None)
@@ -171,7 +172,6 @@ def rest(
             "--thickness-mm only with --sheet-mm",
         )
     sheet = stated_sheet(known, sheet_mm, thickness_mm)
-    check_file_writable(out)
     with Steps() as steps, closing_source(open_source(source)) as frames:
         first = list(steps.count("frames", islice(frames, CANDIDATE_FRAMES), CANDIDATE_FRAMES))
         steps.step_reporter()("finding the markers, the frames at rest and the pose of the sheet")
@@ -235,6 +235,17 @@ def sheet(
     Example: manytouch calibrate sheet presses.csv --sensor sensor.toml --out calibrated.toml
     Example: manytouch calibrate sheet presses.mp4 --sensor sensor.toml --out calibrated.toml
     """
+    if plan is None and (presses is None or out is None):
+        raise usage_error(
+            "calibrate sheet",
+            "specify a table of presses (or a recording or a camera) and --out FILE, or --plan DIR for a "
+            "table to fill in",
+        )
+    if out is not None:
+        check_file_writable(out)
+    if plan is not None:
+        check_writable(plan)
+    require_existing([] if presses is None or plan is not None else [presses])
     from rich.console import Console
 
     from manytouch.calibration.sheet.calibrate import calibrate_sheet
@@ -244,21 +255,11 @@ def sheet(
     from manytouch.calibration.sheet.press_table import PressRow, measure_presses, read_press_table
     from manytouch.calibration.sheet.typed_presses import read_typed_presses
     from manytouch.cli.terminal.console import Steps
-    from manytouch.sinks.files.atomic_output import check_file_writable, check_writable
     from manytouch.values.sensor_file import load_sensor
 
-    if plan is None and (presses is None or out is None):
-        raise usage_error(
-            "calibrate sheet",
-            "specify a table of presses (or a recording or a camera) and --out FILE, or --plan DIR for a "
-            "table to fill in",
-        )
     console = Console(highlight=False, soft_wrap=True, markup=False)
     known = load_sensor(sensor)
-    if out is not None:
-        check_file_writable(out)
     if plan is not None:
-        check_writable(plan)
         write_plan(known, plan)
         console.print(f"  plan in {plan}")
         return 0

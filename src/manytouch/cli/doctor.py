@@ -6,6 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from manytouch.cli.terminal import options
+from manytouch.source_names import require_existing
 
 
 def doctor(
@@ -25,6 +26,7 @@ def doctor(
 
     Example: manytouch doctor press.mp4
     """
+    require_existing([] if source is None else [source])
     from rich.console import Console
 
     from manytouch.session.diagnosis.installation import describe_installation

@@ -6,6 +6,8 @@ from typing import Annotated
 from cyclopts import Parameter, validators
 
 from manytouch.cli.terminal import method_options, options
+from manytouch.sinks.files.atomic_output import check_writable
+from manytouch.source_names import require_existing
 
 
 def explain(
@@ -46,6 +48,8 @@ def explain(
     """
     options.refuse_two_scales("explain", sensor, pitch_mm, hfov_deg)
     parameters = interpolation.parameters("explain", "paper") | paper.parameters("explain", "paper")
+    check_writable(out)
+    require_existing([video])
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.evaluation.published.steps.collect import collect_steps
@@ -53,12 +57,10 @@ def explain(
     from manytouch.evaluation.report.page import require_packages
     from manytouch.session import prepare
     from manytouch.session.results import require_finite
-    from manytouch.sinks.files.atomic_output import check_writable
     from manytouch.values.display.text import count_of
 
     require_packages()
     require_finite(video)
-    check_writable(out)
     with StopOnSignal() as stop, Reporter() as reporter:
         job = prepare(
             video,

@@ -1,11 +1,16 @@
 """`manytouch process`: tables of all frames of recordings."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from manytouch.cli.terminal import method_options, options
+from manytouch.cli.terminal.failures import report
+from manytouch.errors import SourceError
+from manytouch.sinks.files.atomic_output import check_writable
+from manytouch.source_names import require_existing
 
 
 def process(
@@ -47,19 +52,22 @@ def process(
     """
     options.refuse_two_scales("process", sensor, pitch_mm, hfov_deg)
     parameters = interpolation.parameters("process", method) | paper.parameters("process", method)
+    check_writable(out)
+    missing = missing_inputs(inputs)
+    if len(missing) == len(inputs):
+        return 1
     from manytouch.cli.terminal.console import Reporter
-    from manytouch.cli.terminal.failures import report
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.session import prepare, process_job
     from manytouch.session.results import require_finite, result_names
-    from manytouch.sinks.files.atomic_output import check_writable
 
-    check_writable(out)
-    failed = 0
+    failed = len(missing)
     with StopOnSignal() as stop:
         for text, name in zip(inputs, result_names(inputs), strict=True):
             if stop():
                 break
+            if text in missing:
+                continue
             reporter = Reporter()
             try:
                 with reporter:
@@ -102,3 +110,15 @@ def process(
                 report(error)
                 failed += 1
     return 1 if failed else 0
+
+
+def missing_inputs(inputs: Sequence[str]) -> list[str]:
+    """Those inputs that do not exist, each of which is reported."""
+    missing = []
+    for text in inputs:
+        try:
+            require_existing([text])
+        except SourceError as error:
+            report(error)
+            missing.append(text)
+    return missing

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from manytouch.cli.terminal import method_options, options
+from manytouch.source_names import require_existing
 
 if TYPE_CHECKING:
     from manytouch.cli.terminal.console import Reporter
@@ -83,6 +84,7 @@ def run(
         )
     options.refuse_two_scales("run", sensor, pitch_mm, hfov_deg)
     parameters = interpolation.parameters("run", method) | paper.parameters("run", method)
+    require_existing([source])
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import StopOnSignal

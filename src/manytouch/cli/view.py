@@ -6,6 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from manytouch.cli.terminal import options
+from manytouch.source_names import require_existing
 
 
 def view(
@@ -36,6 +37,7 @@ def view(
     Example: manytouch view press.mcap --method paper
     """
     options.refuse_two_scales("view", sensor, pitch_mm, hfov_deg)
+    require_existing([recording])
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.cli.terminal.viewing import ViewerAddress, is_playback, viewers

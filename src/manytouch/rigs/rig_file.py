@@ -13,7 +13,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from scipy.spatial.transform import Rotation
 
 from manytouch.errors import SourceError
-from manytouch.sources.joined import VIEWS_PREFIX
+from manytouch.source_names import VIEWS_PREFIX
 from manytouch.values.arrays import Floats, read_only
 from manytouch.values.sensor_file.sections import (
     ONE_OR_LIST,

@@ -24,7 +24,7 @@ from manytouch.rigs.sensor_process import (
     run_sensor,
 )
 from manytouch.sinks.files.atomic_output import atomic_file
-from manytouch.sources.opening import is_camera
+from manytouch.source_names import is_camera
 
 POLL_S, END_S = 0.2, 15.0
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 30.0

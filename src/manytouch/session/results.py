@@ -18,10 +18,8 @@ from manytouch.sinks.files.surface_store import SurfaceStore, require_zarr
 from manytouch.sinks.files.tables import ContactList, ContactTable, FrameTable, MarkerTable
 from manytouch.sinks.pictures.annotate import AnnotatedPictures
 from manytouch.sinks.pictures.surface_picture import SelectedFrames
+from manytouch.source_names import VIEWS_PREFIX, is_camera, split_topic, views_of
 from manytouch.sources import Source
-from manytouch.sources.files.log import split_topic
-from manytouch.sources.joined import VIEWS_PREFIX
-from manytouch.sources.opening import is_camera, views_of
 from manytouch.values import Roi, Sensor
 
 RESULTS = (

@@ -9,10 +9,10 @@ import numpy as np
 
 from manytouch.errors import SourceError
 from manytouch.geometry.views.merging import side_by_side
+from manytouch.source_names import VIEWS_PREFIX
 from manytouch.sources.source import ASSUMED_FPS, Capabilities, Device, Source
 from manytouch.values import Frame, Setting
 
-VIEWS_PREFIX = "views:"
 _SAME_RATE = 0.01
 _INTERVALS = 9  # whose median is the period of a camera that does not report its rate
 

@@ -1,6 +1,5 @@
 """Opens the source that a text names."""
 
-import difflib
 import math
 import os
 from dataclasses import replace
@@ -8,11 +7,12 @@ from pathlib import Path
 from types import NoneType
 
 from manytouch.errors import SourceError, require_type
+from manytouch.source_names import VIEWS_PREFIX, is_camera, split_topic, views_of, why_missing
 from manytouch.sources.cameras.capture import CameraRequest
 from manytouch.sources.files.images import IMAGE_SUFFIXES, folder_source, image_source
-from manytouch.sources.files.log import is_log, log_source, split_topic
+from manytouch.sources.files.log import is_log, log_source
 from manytouch.sources.files.video import VIDEO_SUFFIXES, video_source
-from manytouch.sources.joined import VIEWS_PREFIX, JoinedSource
+from manytouch.sources.joined import JoinedSource
 from manytouch.sources.quiet_opencv import cv2
 from manytouch.sources.source import Source, close
 
@@ -73,13 +73,6 @@ def open_source(
         raise SourceError(f"{text!r} cannot be read: {error.strerror or error}.") from error
 
 
-def views_of(text: str) -> tuple[str, ...]:
-    """The sources that a text with `views:` names; the text itself if it names a single source."""
-    if not text.startswith(VIEWS_PREFIX):
-        return (text,)
-    return tuple(part.strip() for part in text.removeprefix(VIEWS_PREFIX).split(","))
-
-
 def _joined_source(text: str, fps: float | None, camera: CameraRequest | None) -> Source:
     views: list[Source] = []
     try:
@@ -92,32 +85,13 @@ def _joined_source(text: str, fps: float | None, camera: CameraRequest | None) -
         raise
 
 
-def require_file(path: Path) -> None:
-    """Check that a file exists.
-
-    Raises:
-        SourceError: it does not; the message proposes similar names.
-    """
-    if not path.is_file():
-        raise SourceError(_why_not(str(path), path))
-
-
-def is_camera(text: str) -> bool:
-    """Whether a text names a camera or a stream."""
-    if text.startswith(VIEWS_PREFIX):
-        return any(is_camera(part) for part in views_of(text))
-    if text.isdigit():
-        return not Path(text).exists()
-    return "://" in text or text.startswith("/dev/video") or Path(text).is_char_device()
-
-
 def _file_source(text: str, path: Path, fps: float | None) -> Source:
     if is_log(path):
         return log_source(path, None, fps)
     if path.is_dir():
         return _folder_source(path, fps)
     if not path.is_file():
-        raise SourceError(_why_not(text, path))
+        raise SourceError(why_missing(text, path))
     if path.stat().st_size == 0:
         raise SourceError(f"{text!r} is empty: copy or record it again.")
     if path.suffix.lower() == ".mcap":
@@ -141,16 +115,3 @@ def _folder_source(path: Path, fps: float | None) -> Source:
         raise SourceError(
             f"{error} It contains videos: give one of them, such as {str(path / videos[0])!r}."
         ) from error
-
-
-def _why_not(text: str, path: Path) -> str:
-    """The message for a path that does not exist."""
-    parent = next(parent for parent in path.absolute().parents if parent.is_dir())
-    if parent != path.absolute().parent:
-        return f"There is no {text!r}: the path exists up to the folder {str(parent)!r}."
-    names = {child.name.casefold(): child.name for child in parent.iterdir()}
-    close = difflib.get_close_matches(path.name.casefold(), names, n=3, cutoff=0.6)
-    alike = " or ".join(repr(names[name]) for name in close)
-    return f"There is no {text!r} in the folder {str(parent)!r}" + (
-        f"; did you mean {alike}?" if alike else "."
-    )

@@ -11,9 +11,9 @@ from manytouch.errors import SensorError, SourceError
 from manytouch.session import prepare
 from manytouch.session.results import result_name
 from manytouch.simulation.demo_sensor import skin_sensor
+from manytouch.source_names import is_camera
 from manytouch.sources import open_source
 from manytouch.sources.joined import JoinedSource
-from manytouch.sources.opening import is_camera
 from manytouch.sources.source import Capabilities
 from manytouch.values import Frame
 

@@ -7,6 +7,8 @@ from cyclopts import Parameter
 
 from manytouch.cli.terminal import options
 from manytouch.cli.terminal.failures import usage_error
+from manytouch.sinks.files.atomic_output import check_writable
+from manytouch.source_names import require_existing
 
 
 def export(
@@ -27,13 +29,11 @@ def export(
 
     Example: manytouch export press.mcap --hdf5 exported --ros2bag bags
     """
-    from manytouch.sinks.exports.registry import FORMATS
-    from manytouch.sinks.exports.registry import export as export_recordings
-    from manytouch.sinks.files.atomic_output import check_writable
-
     wanted = {"ros2bag": ros2bag, "lerobot": lerobot, "hdf5": hdf5, "parquet": parquet}
     folders = {name: folder for name, folder in wanted.items() if folder is not None}
     if not folders:
+        from manytouch.sinks.exports.registry import FORMATS
+
         for name, each in FORMATS.items():
             print(f"--{name} DIR".ljust(14), f"{each.purpose}: DIR/{each.result}")
         return 0
@@ -41,6 +41,9 @@ def export(
         raise usage_error("export", "no recording is given: list one or more .mcap files")
     for folder in folders.values():
         check_writable(folder)
+    require_existing(recordings)
+    from manytouch.sinks.exports.registry import export as export_recordings
+
     for name, folder in folders.items():
         for path in export_recordings(recordings, name, folder):
             print(path)

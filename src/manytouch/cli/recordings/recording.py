@@ -5,6 +5,8 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from manytouch.source_names import require_file
+
 app = App(name="recording", help="Check and repair recordings.")
 
 File = Annotated[Path, Parameter(metavar="FILE.mcap", help="Recording of manytouch run --record.")]
@@ -18,11 +20,10 @@ def check(file: File, /) -> int:
 
     Example: manytouch recording check press.mcap
     """
+    require_file(file, "a recording (.mcap)")
     from manytouch.errors import SourceError
     from manytouch.recording.repair import check as check_recording
-    from manytouch.sources.opening import require_file
 
-    require_file(file)
     report = check_recording(file)
     for line in report.lines():
         print(line)
@@ -51,12 +52,11 @@ def repair(
 
     Example: manytouch recording repair press.mcap --out saved.mcap
     """
+    require_file(file, "a recording (.mcap)")
     from manytouch.errors import OutputError
     from manytouch.recording.repair import repair as repair_recording
     from manytouch.sinks.files.atomic_output import atomic_file, check_file_writable
-    from manytouch.sources.opening import require_file
 
-    require_file(file)
     repaired = out or file.with_name(f"{file.stem}-repaired{file.suffix}")
     check_file_writable(repaired)
     if repaired.exists():

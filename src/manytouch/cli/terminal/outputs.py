@@ -5,13 +5,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from manytouch.cli.terminal.failures import usage_errors
-from manytouch.values import Health
-from manytouch.values.display.text import count_of
 
 if TYPE_CHECKING:
     from manytouch.pipeline import Controls
     from manytouch.sinks.output_process.process import OutputProcess
     from manytouch.sources import Source
+    from manytouch.values import Health
 
 
 UDP = ("osc://", "tuio://")
@@ -35,6 +34,8 @@ def described_outputs(
 
 def print_end_of_scene(source: "Source", report: Callable[[str], None]) -> None:
     """A line about the length of a simulated scene; nothing for other sources."""
+    from manytouch.values.display.text import count_of
+
     if source.capabilities.truth is not None and source.frame_count:
         report(
             f"the scene ends after {count_of(source.frame_count, 'frame')}; `manytouch demo` stays open, "
@@ -42,8 +43,10 @@ def print_end_of_scene(source: "Source", report: Callable[[str], None]) -> None:
         )
 
 
-def print_outputs(health: Health, report: Callable[[str], None]) -> None:
+def print_outputs(health: "Health", report: Callable[[str], None]) -> None:
     """One line for each output: what was sent and dropped, and what is wrong with it."""
+    from manytouch.values.display.text import count_of
+
     for output in health.outputs:
         problem = "" if output.problem is None else f"; {output.problem}"
         arrival = " (over UDP, which does not report what arrived)" if output.name.startswith(UDP) else ""
@@ -57,6 +60,8 @@ def check_urls(verb: str, urls: Sequence[str]) -> None:
     Raises:
         CycloptsError: one of them is wrong.
     """
+    if not urls:
+        return
     from manytouch.sinks.publishers.registry import check_addresses
 
     with usage_errors(verb):

@@ -68,7 +68,8 @@ def has_screen() -> bool:
 
 def is_playback(source: str, *options_given: object) -> bool:
     """Whether the stored readings of a recording are shown, because no option requires processing."""
-    from manytouch.sources.files.log import is_log, split_topic
+    from manytouch.source_names import split_topic
+    from manytouch.sources.files.log import is_log
 
     bare, topic = split_topic(source)
     is_recording = bare.lower().endswith(".mcap") and not is_log(Path(bare))

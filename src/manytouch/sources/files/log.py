@@ -148,12 +148,6 @@ def is_log(path: Path) -> bool:
     return is_whole and not head.endswith(PROFILE.encode())
 
 
-def split_topic(text: str) -> tuple[str, str | None]:
-    """Path and topic of a name `PATH#TOPIC`; None if it has no topic or is the name of a file."""
-    path, mark, topic = text.partition("#")
-    return (path, topic) if mark and topic and not Path(text).exists() else (text, None)
-
-
 def log_source(path: Path, topic: str | None, fps: float | None = None) -> LogSource:
     """The images of an MCAP file of another program or of a bag of ROS 2.
 
