@@ -1,18 +1,12 @@
 """`manytouch run`: live processing of a source."""
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
 from manytouch.cli.terminal import method_options, options
 from manytouch.source_names import require_existing
-
-if TYPE_CHECKING:
-    from manytouch.cli.terminal.console import Reporter
-    from manytouch.cli.terminal.viewing import ViewerAddress
-    from manytouch.session import Playback, StopCondition
 
 
 def run(
@@ -57,8 +51,8 @@ def run(
     frame, while manytouch demo stays open and can be pressed. Recordings are shown
     as they were stored; with any option about processing or files their frames are
     processed again. In the viewer, a video, images or a recording stay open with a
-    timeline until Ctrl-C, unless --out or --record write files of it. Ctrl-C ends
-    the run with complete files.
+    timeline until Ctrl-C; with --out or --record it appears once the file has ended
+    and what they write is complete. Ctrl-C ends the run with complete files.
 
     A rig file (.toml) names several sensors, each of which runs in its own process.
 
@@ -86,22 +80,19 @@ def run(
     parameters = interpolation.parameters("run", method) | paper.parameters("run", method)
     require_existing([source])
     from manytouch.cli.terminal.console import Reporter
-    from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import StopOnSignal
-    from manytouch.cli.terminal.outputs import described_outputs, print_end_of_scene, print_outputs
-    from manytouch.cli.terminal.viewing import ViewerAddress, is_playback, viewers
-    from manytouch.session import Live, Playback, ResultFiles, prepare, result_name
-    from manytouch.session import run as run_loop
-    from manytouch.session.diagnosis.camera import describe_latency, describe_settings
+    from manytouch.cli.terminal.live_run import Outputs, run_live, show_playback
+    from manytouch.cli.terminal.viewing import ViewerAddress, is_playback
+    from manytouch.session import Live, Playback, prepare, result_name
     from manytouch.sources.cameras.capture import CameraRequest
-    from manytouch.sources.files.frame_timeline import frame_timeline
 
     reporter = Reporter(bar=False)
     address = None if no_view else ViewerAddress(host=host, port=port, token=token, max_clients=max_clients)
+    outputs = Outputs(to=to, address=address, reporter=reporter)
     with StopOnSignal() as stop:
         if is_playback(source, record, out, method, sensor, pitch_mm, hfov_deg, roi, fps, parameters):
             playback = Playback(Path(source), stays=address is not None)
-            return show_playback(playback, to, address, reporter, stop)
+            return show_playback(playback, outputs, stop)
         with stop.at_once():  # a camera that gives no frame is waited for
             job = prepare(
                 source,
@@ -122,48 +113,7 @@ def run(
                 ),
                 observer=reporter,
             )
-        if address is not None and out is None and record is None and frame_timeline(job.source) is not None:
-            return show_playback(Playback(job, stays=True), to, address, reporter, stop)
-        log = ContactLog(job.sensor, reporter.print, job.source.capabilities.truth)
-        live = Live(job, record=record)
-        print_end_of_scene(job.source, reporter.print)
-        live.attach(described_outputs(to, live, reporter.print))
-        for line in describe_settings(live.health().settings):
-            reporter.print(line)
-        if out is None:
-            run_loop(live, [log, *viewers(live, address, reporter.print)], reporter, stop)
-            reporter.print(describe_latency(live.health()))
-            print_outputs(live.health(), reporter.print)
-            return 0
-        folder = out / result_name(source)
-        with ResultFiles(folder, job, is_repeatable=False, warnings=lambda: live.warnings) as files:
-            shown = viewers(live, address, reporter.print)
-            files.is_complete = run_loop(live, [*files.sinks, log, *shown], reporter, stop)
-            files.is_repeatable = live.is_repeatable
-    reporter.print(describe_latency(live.health()))
-    print_outputs(live.health(), reporter.print)
-    reporter.finish(files.summary, folder, is_complete=files.is_complete)
-    return 0
-
-
-def show_playback(
-    playback: "Playback",
-    to: Sequence[str],
-    address: "ViewerAddress | None",
-    reporter: "Reporter",
-    stop: "StopCondition",
-) -> int:
-    """Show a recording, a video or images with a timeline; with a viewer until Ctrl-C."""
-    from manytouch.cli.terminal.contact_log import ContactLog
-    from manytouch.cli.terminal.outputs import described_outputs, print_outputs
-    from manytouch.cli.terminal.viewing import viewers
-    from manytouch.session import run as run_loop
-
-    playback.attach(described_outputs(to, playback, reporter.print))
-    log = ContactLog(playback.sensor, reporter.print)
-    shown = viewers(playback, address, reporter.print)
-    if shown:
-        reporter.print("it stays open with a timeline until Ctrl-C")
-    run_loop(playback, [log, *shown], reporter, stop)
-    print_outputs(playback.health(), reporter.print)
-    return 0
+        if out is None and record is None and outputs.shows_timeline_of(job.source):
+            return show_playback(Playback(job, stays=True), outputs, stop)
+        folder = None if out is None else out / result_name(source)
+        return run_live(Live(job, record=record), folder, outputs, stop)

@@ -24,12 +24,12 @@ from manytouch.session.commands.tare import TareCollector
 from manytouch.session.commands.touched_tares import TouchedTares
 from manytouch.session.methods import (
     METHODS,
-    ParameterValue,
     choices_of,
     parameter_info,
     parameters_of,
     pipeline_for,
     require_method_for,
+    value_text,
     with_parameter,
     with_parameters,
 )
@@ -123,6 +123,12 @@ class Live:
     def sensor(self) -> Sensor:
         """The sensor in use."""
         return self._present.sensor
+
+    @property
+    def job(self) -> Job:
+        """The job with the method, the parameters and the sensor in use."""
+        setup = self._present
+        return replace(self._job, pipeline=setup.pipeline, sensor=setup.sensor, method=setup.method)
 
     @property
     def frame_count(self) -> int | None:
@@ -301,7 +307,7 @@ class Live:
             case Tune(parameter=parameter, value=value):
                 pipeline = with_parameter(self._newest_setup.pipeline, parameter, value)
                 if pipeline != self._newest_setup.pipeline:
-                    self._change(f"{parameter} = {_text(value)}", pipeline=pipeline)
+                    self._change(f"{parameter} = {value_text(value)}", pipeline=pipeline)
             case Record(path=path):
                 self._begin_recording(path)
             case StopRecording():
@@ -383,12 +389,6 @@ class Live:
         self._wanted, self._is_changed = setup, True
         self._recorder.describe(setup.sensor, setup.pipeline, setup.method)
         self._commands.note(setup.note)
-
-
-def _text(value: ParameterValue) -> str:
-    if value is None:
-        return "automatic"
-    return value if isinstance(value, str) else f"{value:g}"
 
 
 def _until_setup(stream: Iterator[Setup | TrackedFrame], following: list[Setup]) -> Iterator[TrackedFrame]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from manytouch.errors import SourceError
-from manytouch.pipeline import Output, Sink
+from manytouch.pipeline import Output, Pipeline, Sink
 from manytouch.session.commands.background_preparation import BackgroundPreparation
 from manytouch.session.commands.command_queue import CommandQueue
 from manytouch.session.commands.continuation import Setup
@@ -63,6 +63,7 @@ class Playback:
         method: str | None = None,
         sensor: str | Path | Sensor | None = None,
         stays: bool = False,
+        begins_at_end: bool = False,
     ) -> None:
         """Open a recording, a video or images.
 
@@ -70,6 +71,7 @@ class Playback:
             given: the file, or a job of it. Frames of a job, and of a file without readings, are processed.
             method, sensor: to process it again with; of a job, those of the job are used.
             stays: wait at the end for a `Seek` command, instead of ending.
+            begins_at_end: of what was shown already, begin with that wait.
 
         Raises:
             SourceError: it does not exist, or its frames cannot be read in any order.
@@ -87,18 +89,20 @@ class Playback:
         self._is_processed = method is not None or sensor is not None or not is_stored
         known = method or (timeline.method if timeline.method in METHODS else None)
         self._job = given if isinstance(given, Job) else prepare(source, sensor=sensor, method=known)
-        self._method = self._job.method if self._is_processed else known or timeline.method
+        job = self._job
+        self._setup = Setup(pipeline=job.pipeline, sensor=job.sensor, method=job.method, version=0)
+        self._method = job.method if self._is_processed else known or timeline.method
         self._stays = stays
         self._commands = CommandQueue()
-        self._jobs: BackgroundPreparation[Job] = BackgroundPreparation(_warmed_up, self._refuse)
+        self._setups: BackgroundPreparation[Setup] = BackgroundPreparation(self._warm_up, self._refuse)
         self._meter = ThroughputMeter()
         self._pace = Pace()
         self._is_held = False
-        self._place = 0
+        self._place = len(timeline) - 1 if begins_at_end else 0
         self._sought: int | None = None
         self._continues = False
         self._processor = FrameProcessor()
-        self._is_at_end = False
+        self._is_at_end = begins_at_end
         self._outputs: tuple[Output, ...] = ()
 
     @property
@@ -154,13 +158,13 @@ class Playback:
             markers=0 if layout is None else int((~layout.is_missing).sum()),
             method=self._method,
             methods=METHODS,
-            parameters=parameters_of(self._job.pipeline),
-            choices=choices_of(self._job.pipeline),
-            parameter_info=parameter_info(self._job.method),
+            parameters=parameters_of(self._setup.pipeline),
+            choices=choices_of(self._setup.pipeline),
+            parameter_info=parameter_info(self._setup.method),
             notes=self._commands.notes,
             frame=self._place,
             frame_count=len(self._timeline),
-            is_preparing=self._jobs.is_busy,
+            is_preparing=self._setups.is_busy,
             outputs=tuple(state for output in self._outputs for state in output.states),
         )
 
@@ -174,15 +178,15 @@ class Playback:
         if self._timeline.warning is not None:
             self._commands.note(self._timeline.warning)
         if self._is_processed:
-            self._job.warm_up(self._commands.note)
-        begin: int | None = 0
+            self._setup = self._warm_up(self._setup)
+        begin = self._next_begin(stop) if self._is_at_end else 0
         while begin is not None:
             yield from self._readings(begin, stop)
             begin = self._next_begin(stop)
 
     def close(self) -> None:
         """Release the recording."""
-        self._jobs.close()
+        self._setups.close()
         self._job.close()
 
     def _next_begin(self, stop: StopCondition) -> int | None:
@@ -212,9 +216,7 @@ class Playback:
 
     def _before(self, begin: int, stop: StopCondition) -> Iterator[Reading]:
         """Process the frames before a place from which its reading follows; give those that are new."""
-        job = self._job
-        setup = Setup(pipeline=job.pipeline, sensor=job.sensor, method=job.method, version=0)
-        first = self._processor.begin(setup, begin, continues=self._continues)
+        first = self._processor.begin(self._setup, begin, continues=self._continues)
         self._continues = False
         if begin - first >= LONG_JUMP:
             self._commands.note(
@@ -249,15 +251,28 @@ class Playback:
     def _serve_commands(self) -> None:
         """Carry out the commands that wait, and continue with the method that is ready, if there is one."""
         self._commands.drain(self._carry_out)
-        job = self._jobs.take()
-        if job is not None:
-            self._job, self._method, self._is_processed = job, job.method, True
+        setup = self._setups.take()
+        if setup is not None:
+            self._setup, self._method, self._is_processed = setup, setup.method, True
             if self._sought is None:
                 self._sought, self._continues = self._place, True
-            self._commands.note(f"frames are processed again with method {job.method}")
+            self._commands.note(f"frames are processed again with method {setup.method}")
 
     def _seek(self, place: int) -> None:
         self._sought, self._continues = place, False
+
+    def _request(self, *, pipeline: Pipeline, method: str) -> None:
+        """Process the frames again with another setup once it is ready."""
+        self._setups.request(replace(self._setup, pipeline=pipeline, method=method, estimation=None))
+
+    def _warm_up(self, setup: Setup) -> Setup:
+        """Process two frames with a setup and start its estimation.
+
+        Raises:
+            ManytouchError: it cannot.
+        """
+        job = replace(self._job, pipeline=setup.pipeline, method=setup.method)
+        return replace(setup, estimation=job.warm_up(self._commands.note))
 
     def _refuse(self, reason: str) -> None:
         self._commands.note(f"not changed: {reason}")
@@ -283,14 +298,13 @@ class Playback:
                 self._pace.reset()
             case UseMethod(method=method):
                 require_method_for(self.sensor, method)
-                pipeline, requested = pipeline_for(method), self._jobs.requested()
-                if requested is not None or not self._is_processed or method != self._method:
-                    self._jobs.request(replace(self._job, pipeline=pipeline, method=method))
+                if self._setups.requested() or not self._is_processed or method != self._method:
+                    self._request(pipeline=pipeline_for(method), method=method)
             case Tune(parameter=parameter, value=value):
-                job = self._jobs.requested() or self._job
-                pipeline = with_parameter(job.pipeline, parameter, value)
-                if pipeline != job.pipeline:
-                    self._jobs.request(replace(job, pipeline=pipeline))
+                newest = self._setups.requested() or self._setup
+                pipeline = with_parameter(newest.pipeline, parameter, value)
+                if pipeline != newest.pipeline:
+                    self._request(pipeline=pipeline, method=newest.method)
             case _:
                 self._commands.note(f"{type(command).__name__} is not possible with a recording")
 
@@ -298,8 +312,3 @@ class Playback:
 def _arrived(reading: Reading) -> Reading:
     """The reading of a frame that is shown now."""
     return replace(reading, frame=replace(reading.frame, arrived_ns=time.monotonic_ns()))
-
-
-def _warmed_up(job: Job) -> Job:
-    job.warm_up()
-    return job

@@ -10,7 +10,7 @@ import pytest
 
 from clips import picture, pressed_video, write_video
 from manytouch.errors import SourceError
-from manytouch.session import Playback, prepare, run
+from manytouch.session import Playback, pipeline_for, prepare, run
 from manytouch.sources import open_source
 from manytouch.sources.files.frame_timeline import FrameTimeline, frame_timeline
 from manytouch.sources.source import Source
@@ -227,3 +227,29 @@ def test_a_frame_has_the_same_contacts_after_a_jump_as_from_playing(pressed: Pat
     indices = [reading.frame.index for reading in sink.readings]
     assert indices[: touched + 1] == list(range(touched + 1))  # what was not processed yet is shown
     assert len(indices) < 2 * (touched + 18)  # what was processed before is not
+
+
+def test_what_was_shown_already_waits_at_its_end(video: Path) -> None:
+    playback = Playback(prepare(video, fps=500.0), stays=True, begins_at_end=True)
+    assert not playback.health().is_running
+    assert playback.health().frame == FRAMES - 1
+    sink = Seeking(playback, {})
+    waits = iter(range(5))
+    run(playback, [sink], stop=lambda: next(waits, None) is None)
+    assert sink.readings == []
+
+
+def test_the_estimation_is_prepared_once_for_each_setup(video: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    playback = Playback(prepare(video, fps=500.0), stays=True)
+    estimator = type(pipeline_for(playback.health().method).estimate)
+    starts: list[object] = []
+    start = estimator.start
+
+    def counted(self: object, sensor: object) -> object:
+        starts.append(self)
+        return start(self, sensor)
+
+    monkeypatch.setattr(estimator, "start", counted)
+    sink = Seeking(playback, {FRAMES: Seek(frame=0)})
+    run(playback, [sink], stop=lambda: len(sink.readings) >= 2 * FRAMES)
+    assert len(starts) == 1

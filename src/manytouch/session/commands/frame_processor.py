@@ -103,8 +103,7 @@ class FrameProcessor:
     def _start_again(self, setup: Setup) -> None:
         """Process from the first frame on, with numbers of contacts that are new."""
         self._renumber.begin()
-        started = setup.pipeline.estimate.start(setup.sensor)
-        self._restart(setup, 0, _States(front=None, estimation=started))
+        self._restart(setup, 0, _States(front=None, estimation=_started(setup)))
 
     def _restart(self, setup: Setup, place: int, states: _States) -> None:
         self._setup, self._place, self._states = setup, place, states
@@ -123,11 +122,17 @@ class FrameProcessor:
             }
 
 
+def _started(setup: Setup) -> Any:
+    """State of the estimation before the first frame."""
+    if setup.estimation is not None:
+        return setup.estimation
+    return setup.pipeline.estimate.start(setup.sensor)
+
+
 def _resumed(setup: Setup, before: Pipeline, states: _States) -> _States:
     """States to continue with after a parameter has changed."""
-    started = setup.pipeline.estimate.start(setup.sensor)
     front = states.front
     if front is not None:
         front = resumed_tracking(setup.pipeline, setup.sensor, before, front)
-    estimation = resumed_estimation(setup.pipeline, started, before, states.estimation)
+    estimation = resumed_estimation(setup.pipeline, _started(setup), before, states.estimation)
     return _States(front=front, estimation=estimation)

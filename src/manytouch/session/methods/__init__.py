@@ -8,6 +8,7 @@ from manytouch.session.methods.parameters import (
     ParameterValue,
     choices_of,
     parameters_of,
+    value_text,
     with_parameter,
     with_parameters,
 )
@@ -31,6 +32,7 @@ __all__ = [
     "parameters_of",
     "pipeline_for",
     "require_method_for",
+    "value_text",
     "with_parameter",
     "with_parameters",
 ]

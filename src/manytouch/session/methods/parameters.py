@@ -59,6 +59,13 @@ def with_parameters(pipeline: Pipeline, parameters: Mapping[str, ParameterValue]
     return pipeline
 
 
+def value_text(value: ParameterValue) -> str:
+    """A value of a parameter as text."""
+    if value is None:
+        return "automatic"
+    return value if isinstance(value, str) else f"{value:g}"
+
+
 def _parameters(pipeline: Pipeline) -> Iterator[tuple[str, ParameterValue, tuple[Any, ...]]]:
     """Name, value and types of each parameter."""
     for stage in fields(pipeline):
