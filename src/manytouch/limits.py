@@ -24,7 +24,9 @@ MAX_SCENE_ELEMENTS = 200_000
 MAX_SCENE_KEYFRAMES = 100_000
 MAX_MESH_BYTES = 100_000_000
 LARGEST_NUMBER = 1e9
-"""Absolute value of any number in a sensor or scene file."""
+"""Absolute value of any number in a sensor or scene file; lengths are not smaller than its inverse."""
+LOWEST_FPS, HIGHEST_FPS = 1e-6, 1e6
+"""Frames per second that may be requested: times are whole nanoseconds in 64 bits."""
 
 
 def size_mistake(width_px: int, height_px: int) -> str | None:

@@ -242,9 +242,10 @@ def _prefix(path: Path, sensors: Sequence[str], sensor: str | None) -> str:
         return ""
     if sensor in sensors:
         return f"/{sensor}"
+    if not sensors:
+        raise SourceError(f"{str(path)!r} is the recording of one sensor: omit #{sensor}")
     raise SourceError(
-        f"{str(path)!r} has the sensors {', '.join(sensors) or '(only one, without a name)'}: give one as in "
-        f"{path.name}#{sensors[0] if sensors else ''}"
+        f"{str(path)!r} has the sensors {', '.join(sensors)}: give one as in {path.name}#{sensors[0]}"
     )
 
 

@@ -1,12 +1,12 @@
 """Opens the source that a text names."""
 
-import math
 import os
 from dataclasses import replace
 from pathlib import Path
 from types import NoneType
 
 from manytouch.errors import SourceError, require_type
+from manytouch.limits import HIGHEST_FPS, LOWEST_FPS
 from manytouch.source_names import VIEWS_PREFIX, is_camera, split_topic, views_of, why_missing
 from manytouch.sources.cameras.capture import CameraRequest
 from manytouch.sources.files.images import IMAGE_SUFFIXES, folder_source, image_source
@@ -41,8 +41,11 @@ def open_source(
         SourceError: it does not exist, or cannot be decoded.
     """
     require_type("fps", fps, (int, float, NoneType), "a number of frames per second")
-    if fps is not None and not (math.isfinite(fps) and fps > 0):
-        raise SourceError(f"The frame rate must be a positive number of frames per second, not {fps:g}.")
+    if fps is not None and not LOWEST_FPS <= fps <= HIGHEST_FPS:
+        raise SourceError(
+            f"The frame rate must be a number of frames per second from {LOWEST_FPS:g} to {HIGHEST_FPS:g}, "
+            f"not {fps:g}."
+        )
     require_type("the name of the source", text, (str, os.PathLike, int), SUPPORTED)
     text = str(text) if isinstance(text, int) else os.fspath(text)
     if text.startswith(VIEWS_PREFIX):

@@ -96,9 +96,9 @@ def test_an_empty_name_and_an_unknown_scene() -> None:
     assert all(scene in sentence for scene in ("fingers", "one", "rest"))
 
 
-@pytest.mark.parametrize("fps", [0.0, -3.0, float("nan"), float("inf")])
-def test_a_rate_is_positive(fps: float) -> None:
-    assert "frame rate" in refusal("sim:", fps=fps)
+@pytest.mark.parametrize("fps", [0.0, -3.0, float("nan"), float("inf"), 1e-300, 1e300])
+def test_a_rate_is_positive_and_its_times_are_whole_nanoseconds(fps: float) -> None:
+    assert "from 1e-06 to 1e+06, not" in refusal("sim:", fps=fps)
 
 
 def test_a_folder_that_may_not_be_read_is_one_sentence(

@@ -22,6 +22,7 @@ from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_
 from manytouch.calibration.rest_dots import RestDots
 from manytouch.errors import SensorError, require_type
 from manytouch.geometry.camera import onto_plane
+from manytouch.limits import LARGEST_NUMBER
 from manytouch.tracking.lattice.arrange import Arrangement
 from manytouch.values import Camera, Frame, Layout, Polarity, Roi, Sensor
 from manytouch.values.arrays import read_only
@@ -135,9 +136,13 @@ def _check_numbers(pitch_mm: float | tuple[float, float] | None, hfov_deg: float
     for pitch in pitch_mm if isinstance(pitch_mm, tuple | list) else (pitch_mm,):
         require_type("pitch_mm", pitch, (int, float, np.number, NoneType), "a length in mm, or two: (x, y)")
     require_type("hfov_deg", hfov_deg, (int, float, np.number, NoneType), "an angle in degrees")
-    if pitch_mm is not None and not np.all((np.asarray(pitch_mm) > 0) & np.isfinite(pitch_mm)):
+    least = 1.0 / LARGEST_NUMBER
+    if pitch_mm is not None and not np.all(
+        (np.asarray(pitch_mm) >= least) & (np.asarray(pitch_mm) <= LARGEST_NUMBER)
+    ):
         raise SensorError(
-            f"a pitch of {pitch_mm} mm was given, but a pitch is a positive length, or two: P or X,Y"
+            f"a pitch of {pitch_mm} mm was given, but a pitch is a length from {least:g} to "
+            f"{LARGEST_NUMBER:g} mm, or two: P or X,Y"
         )
     if hfov_deg is not None and not 1.0 <= hfov_deg < 179.0:
         raise SensorError(

@@ -283,7 +283,8 @@ def _noise_px(seen: MarkerTracks, is_used: np.ndarray) -> float:
     noise = noise[np.isfinite(noise)]
     if len(noise) == 0:
         raise LayoutError(
-            f"the noise of the markers needs at least {LEAST_FRAMES} frames in which they are seen"
+            f"the noise of the markers needs at least {LEAST_FRAMES} frames in which they are seen: record "
+            "two seconds without a touch"
         )
     return max(float(np.median(noise)), LEAST_NOISE_PX)
 

@@ -81,8 +81,10 @@ def read_press_table(path: Path) -> tuple[PressRow, ...]:
             f"the table of presses {path} cannot be read: {error.strerror}; give the path of a table with a "
             "line for each press"
         ) from None
-    except ValueError as error:
-        raise SourceError(f"the table of presses {path} cannot be read: {error}") from None
+    except ValueError:
+        raise SourceError(
+            f"the table of presses {path} cannot be read as text: save it as CSV in UTF-8"
+        ) from None
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     if len(content) > MAX_TABLE_BYTES or len(lines) > MAX_PRESSES + 1:
         raise SourceError(

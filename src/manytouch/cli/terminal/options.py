@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter, Token, validators
 
 from manytouch.cli.terminal.failures import usage_error
+from manytouch.limits import HIGHEST_FPS, LARGEST_NUMBER, LOWEST_FPS
 
 Method = Literal["mechanics", "perimeter", "paper"]
 
@@ -26,9 +27,22 @@ def _numbers(tokens: Sequence[Token], counts: tuple[int, ...], form: str) -> lis
 
 def _pitch(_: Any, tokens: Sequence[Token]) -> float | tuple[float, float]:
     found = _numbers(tokens, (1, 2), "a length or X,Y in mm")
-    if min(found) <= 0:
-        raise ValueError("a pitch must be positive")
+    least = 1.0 / LARGEST_NUMBER
+    if not (min(found) >= least and max(found) <= LARGEST_NUMBER):
+        raise ValueError(
+            f"expected a pitch from {least:g} to {LARGEST_NUMBER:g} mm, found {tokens[0].value!r}"
+        )
     return found[0] if len(found) == 1 else (found[0], found[1])
+
+
+def _fps(_: Any, tokens: Sequence[Token]) -> float:
+    (fps,) = _numbers(tokens, (1,), "a number of frames per second")
+    if not LOWEST_FPS <= fps <= HIGHEST_FPS:
+        raise ValueError(
+            f"expected a number of frames per second from {LOWEST_FPS:g} to {HIGHEST_FPS:g}, "
+            f"found {tokens[0].value!r}"
+        )
+    return fps
 
 
 def numbers(count: int, form: str) -> Any:
@@ -100,7 +114,7 @@ def _camera_option(name: str, metavar: str, words: str, converter: Any = _amount
 
 def _is_token(_: Any, value: str | None) -> None:
     if value is not None and not re.fullmatch(r"[A-Za-z0-9_~.-]{8,200}", value):
-        raise ValueError("a token has 8 to 200 characters: letters, digits, and - _ ~ .")
+        raise ValueError("a token has 8 to 200 characters: letters, digits, and . - _ ~")
 
 
 def refuse_two_scales(verb: str, sensor: str | None, pitch_mm: object, hfov_deg: object) -> None:
@@ -254,7 +268,7 @@ Fps = Annotated[
     Parameter(
         name="--fps",
         metavar="F",
-        converter=positive("a number of frames per second"),
+        converter=_fps,
         n_tokens=1,
         help="Override the frame rate, frames per second.",
     ),

@@ -90,7 +90,9 @@ def folder_source(folder: Path, fps: float | None) -> ImagesSource:
     paths = tuple(sorted((path for path in folder.iterdir() if _is_image_name(path)), key=natural_key))
     if not paths:
         wanted = ", ".join(suffix[1:] for suffix in IMAGE_SUFFIXES)
-        raise SourceError(f"The folder {str(folder)!r} contains no images ({wanted}).")
+        raise SourceError(
+            f"The folder {str(folder)!r} contains no images ({wanted}): give one that does, or a video."
+        )
     first = next((image for path in paths if (image := read_image(path)) is not None), None)
     if first is None:
         reason = _why_not(paths[0])

@@ -347,3 +347,9 @@ def test_a_detectable_shift_gives_no_assumption(warnings):
         still = replace(still, contrast=still.contrast * unlike)
     sensor = sensor_from_dots(still, name="any", width_px=WIDTH, height_px=HEIGHT, polarity="dark")
     assert UNDETECTABLE_SHIFT not in sensor.assumptions
+
+
+@pytest.mark.parametrize("pitch_mm", [0.0, 1e300, (4.0, 1e-300), float("nan")])
+def test_a_pitch_without_a_size_is_refused(pitch_mm) -> None:
+    with pytest.raises(SensorError, match="a pitch is a length from 1e-09 to 1e"):
+        sensor_from_rest((), name="x", pitch_mm=pitch_mm)

@@ -140,6 +140,8 @@ def test_a_sensor_of_a_rig_is_exported_by_its_name(record, tmp_path: Path) -> No
         with AnyReader([path]) as reader:
             topics = {each.topic for each in reader.connections}
         assert f"/manytouch/{name}/wrench" in topics
+    with pytest.raises(SourceError, match="is the recording of one sensor: omit #index"):
+        export([Path(f"{one}#index")], "parquet", tmp_path / "out")
     (table,) = export([paths[1]], "parquet", tmp_path / "out")
     assert pq.read_table(table / "contacts.parquet").num_rows == FRAMES
     repaired = tmp_path / "repaired.mcap"
