@@ -4,7 +4,7 @@
 
     folder = manytouch.process("press.mp4", out="out")  # tables of all frames
 
-    job = manytouch.prepare("press.mp4")  # or frame by frame
+    job = manytouch.prepare("press.mp4", whole_recording=True)  # or the same frame by frame
     for reading in job.readings():
         print(reading.contacts)
 
