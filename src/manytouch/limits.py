@@ -25,8 +25,12 @@ MAX_SCENE_KEYFRAMES = 100_000
 MAX_MESH_BYTES = 100_000_000
 LARGEST_NUMBER = 1e9
 """Absolute value of any number in a sensor or scene file; lengths are not smaller than its inverse."""
-LOWEST_FPS, HIGHEST_FPS = 1e-6, 1e6
-"""Frames per second that may be requested: times are whole nanoseconds in 64 bits."""
+MOST_THICKNESSES = 10_000
+"""Longest side of a sheet: twenty times that of a film of 0.2 mm over 100 mm."""
+MOST_SIDES = 10
+"""Thickness of a sheet, in multiples of its shorter side."""
+HIGHEST_FPS = 1e6
+"""Frames per second that may be given, and at least the inverse: times are whole nanoseconds in 64 bits."""
 
 
 def size_mistake(width_px: int, height_px: int) -> str | None:
@@ -36,4 +40,16 @@ def size_mistake(width_px: int, height_px: int) -> str | None:
     return (
         f"{width_px} x {height_px} px are too many: at most {MAX_SIDE_PX} px per side and "
         f"{MAX_PIXELS // 10**6} million pixels are read"
+    )
+
+
+def sheet_mistake(x_mm: float, y_mm: float, thickness_mm: float) -> str | None:
+    """Why no sheet of this outline and thickness is computed; None if it is."""
+    least_mm, most_mm = max(x_mm, y_mm) / MOST_THICKNESSES, MOST_SIDES * min(x_mm, y_mm)
+    if least_mm <= thickness_mm <= most_mm:
+        return None
+    return (
+        f"a sheet of {x_mm:g} x {y_mm:g} mm that is {thickness_mm:g} mm thick is not computed: its "
+        f"longer side has at most {MOST_THICKNESSES} thicknesses, and its thickness is at most {MOST_SIDES} "
+        "times its shorter side; check both"
     )

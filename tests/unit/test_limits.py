@@ -25,6 +25,9 @@ STATED = {
     "MAX_SCENE_ELEMENTS": "{0} finite elements",
     "MAX_SCENE_KEYFRAMES": "{0} equilibria",
     "MAX_MESH_BYTES": "| mesh of a scene | {millions} MB |",
+    "MOST_THICKNESSES": "| `[sheet]` | sides of at most {0} thicknesses",
+    "MOST_SIDES": "a thickness of at most {0} times the shorter side",
+    "HIGHEST_FPS": "| 1e-{zeros} to 1e{zeros} frames per second",
     "LARGEST_NUMBER": "numbers between -1e{zeros} and 1e{zeros}",
 }
 

@@ -18,6 +18,7 @@ from manytouch.calibration.rest.whole_recording import RestDoubt, rest_of_record
 from manytouch.calibration.views import calibrate_views, describe_views, with_provenance_of_views
 from manytouch.errors import SensorError
 from manytouch.geometry.refraction import rest_px
+from manytouch.limits import sheet_mistake
 from manytouch.sources.source import Source
 from manytouch.tracking.lattice.find import local_spacing
 from manytouch.values import Frame, Roi, Sensor, Sheet
@@ -153,14 +154,16 @@ def stated_sheet(
         None: keep the sheet of `known`; or, if a thickness is given, measure the outline in the image.
 
     Raises:
-        SensorError: the size of a clamped sheet is given without its thickness.
+        SensorError: the size of a clamped sheet is given without its thickness, or they do not fit.
     """
     pad = pad_of(known)
     if pad is not None:
-        return replace(
-            pad,
-            size_mm=pad.size_mm if sheet_mm is None else np.array(sheet_mm, dtype=np.float64),
-            thickness_mm=pad.thickness_mm if thickness_mm is None else float(thickness_mm),
+        return _computable(
+            replace(
+                pad,
+                size_mm=pad.size_mm if sheet_mm is None else np.array(sheet_mm, dtype=np.float64),
+                thickness_mm=pad.thickness_mm if thickness_mm is None else float(thickness_mm),
+            )
         )
     if sheet_mm is None:
         return None
@@ -169,4 +172,11 @@ def stated_sheet(
             f"the size of the sheet, {sheet_mm[0]:g} x {sheet_mm[1]:g} mm, is given without its thickness: "
             "give both, or neither to keep the sheet of the sensor file"
         )
-    return Sheet(size_mm=np.array(sheet_mm, dtype=np.float64), thickness_mm=float(thickness_mm))
+    return _computable(Sheet(size_mm=np.array(sheet_mm, dtype=np.float64), thickness_mm=float(thickness_mm)))
+
+
+def _computable(sheet: Sheet) -> Sheet:
+    mistake = sheet_mistake(sheet.size_mm[0], sheet.size_mm[1], sheet.thickness_mm)
+    if mistake is not None:
+        raise SensorError(mistake)
+    return sheet

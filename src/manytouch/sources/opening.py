@@ -6,7 +6,7 @@ from pathlib import Path
 from types import NoneType
 
 from manytouch.errors import SourceError, require_type
-from manytouch.limits import HIGHEST_FPS, LOWEST_FPS
+from manytouch.limits import HIGHEST_FPS
 from manytouch.source_names import VIEWS_PREFIX, is_camera, split_topic, views_of, why_missing
 from manytouch.sources.cameras.capture import CameraRequest
 from manytouch.sources.files.images import IMAGE_SUFFIXES, folder_source, image_source
@@ -41,10 +41,10 @@ def open_source(
         SourceError: it does not exist, or cannot be decoded.
     """
     require_type("fps", fps, (int, float, NoneType), "a number of frames per second")
-    if fps is not None and not LOWEST_FPS <= fps <= HIGHEST_FPS:
+    if fps is not None and not 1.0 / HIGHEST_FPS <= fps <= HIGHEST_FPS:
         raise SourceError(
-            f"The frame rate must be a number of frames per second from {LOWEST_FPS:g} to {HIGHEST_FPS:g}, "
-            f"not {fps:g}."
+            f"The frame rate must be a number of frames per second from {1.0 / HIGHEST_FPS:g} to "
+            f"{HIGHEST_FPS:g}, not {fps:g}."
         )
     require_type("the name of the source", text, (str, os.PathLike, int), SUPPORTED)
     text = str(text) if isinstance(text, int) else os.fspath(text)
@@ -93,8 +93,10 @@ def _file_source(text: str, path: Path, fps: float | None) -> Source:
         return log_source(path, None, fps)
     if path.is_dir():
         return _folder_source(path, fps)
-    if not path.is_file():
+    if not path.exists():
         raise SourceError(why_missing(text, path))
+    if not path.is_file():
+        raise SourceError(f"{text!r} is neither a file nor a folder: give {SUPPORTED}.")
     if path.stat().st_size == 0:
         raise SourceError(f"{text!r} is empty: copy or record it again.")
     if path.suffix.lower() == ".mcap":

@@ -181,3 +181,11 @@ def test_a_calibrated_pad_keeps_the_first_frames_where_the_rest_would_be_doubtfu
     sensor = prepare(source, sensor=gel(), whole_recording=True).sensor
     assert not sensor.rest_is_doubtful
     assert error_px(sensor) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("sheet_mm", "thickness_mm"), [((1e9, 80.0), 3.0), ((120.0, 80.0), 1e300), ((120.0, 80.0), 1e-9)]
+)
+def test_a_sheet_that_is_not_computed_is_refused(sheet_mm, thickness_mm: float) -> None:
+    with pytest.raises(SensorError, match="is not computed: its longer side has at most 10000 thicknesses"):
+        stated_sheet(demo_sensor(320), sheet_mm, thickness_mm)

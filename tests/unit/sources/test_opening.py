@@ -1,5 +1,6 @@
 """What `open_source` opens, and the sentences with which it refuses."""
 
+import os
 from pathlib import Path
 
 import cv2
@@ -35,6 +36,11 @@ def test_a_missing_file_names_its_like(tmp_path: Path) -> None:
     picture(tmp_path / "Press_01.png")
     assert "'Press_01.png'" in refusal(tmp_path / "press_1.png")
     assert "did you mean" not in refusal(tmp_path / "zzz.mp4")
+
+
+def test_a_pipe_is_not_called_missing(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.mp4")
+    assert "is neither a file nor a folder" in refusal(tmp_path / "pipe.mp4")
 
 
 def test_a_missing_folder_names_the_last_that_exists(tmp_path: Path) -> None:

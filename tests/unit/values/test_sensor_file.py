@@ -280,6 +280,9 @@ def test_measured_positions_keep_rows_and_columns(written: Path, tmp_path: Path)
         ("radius_mm = 1.0", "radius_mm = -1.0", "wrong: markers.radius_mm = -1.0: input should be greater"),
         ("pitch_mm = [4.0, 3.0]", "pitch_mm = [4.0]", "wrong: markers.pitch_mm = [4.0]: list should have at"),
         ("pitch_mm = [4.0, 3.0]", "pitch_mm = 9.0", "markers are outside the clamped outline"),
+        ("size_mm = [120.0, 80.0]", "size_mm = [1e9, 80.0]", "longer side has at most 10000 thicknesses"),
+        ("thickness_mm = 3.0", "thickness_mm = 1e-9", "sheet: a sheet of 120 x 80 mm that is 1e-09 mm thick"),
+        ("thickness_mm = 3.0", "thickness_mm = 1e9", "at most 10 times its shorter side"),
     ],
 )
 def test_a_mistake_is_named(written: Path, old: str, new: str, message: str) -> None:

@@ -20,6 +20,7 @@ from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import project
 from manytouch.geometry.centre_noise import LEAST_FRAMES, centre_noise_px
 from manytouch.geometry.refraction import onto_plane_through_window, project_through_window, rest_px
+from manytouch.limits import sheet_mistake
 from manytouch.tracking.lattice.find import local_spacing
 from manytouch.values import Camera, Frame, Layout, Roi, Sensor, Sheet
 from manytouch.values.arrays import Points2, read_only
@@ -197,13 +198,15 @@ def _with_measured_outline(found: Sensor, seen: ClampLine, thickness_mm: float) 
     """The sensor with the measured outline, and its origin at the centre of it.
 
     Raises:
-        SensorError: not all sides are visible.
+        SensorError: not all sides are visible, or the thickness does not fit them.
     """
     if seen.unseen:
         raise SensorError(
             f"the image does not show the whole clamp line ({', '.join(seen.unseen)} missing): give the "
             "outline of the sheet by --sheet-mm X,Y"
         )
+    if (mistake := sheet_mistake(seen.size_mm[0], seen.size_mm[1], thickness_mm)) is not None:
+        raise SensorError(mistake)
     sheet = Sheet(size_mm=read_only(seen.size_mm.copy()), thickness_mm=thickness_mm)
     return with_origin_at(replace(found, sheet=sheet), seen)
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter, Token, validators
 
 from manytouch.cli.terminal.failures import usage_error
-from manytouch.limits import HIGHEST_FPS, LARGEST_NUMBER, LOWEST_FPS
+from manytouch.limits import HIGHEST_FPS, LARGEST_NUMBER
 
 Method = Literal["mechanics", "perimeter", "paper"]
 
@@ -37,9 +37,10 @@ def _pitch(_: Any, tokens: Sequence[Token]) -> float | tuple[float, float]:
 
 def _fps(_: Any, tokens: Sequence[Token]) -> float:
     (fps,) = _numbers(tokens, (1,), "a number of frames per second")
-    if not LOWEST_FPS <= fps <= HIGHEST_FPS:
+    least = 1.0 / HIGHEST_FPS
+    if not least <= fps <= HIGHEST_FPS:
         raise ValueError(
-            f"expected a number of frames per second from {LOWEST_FPS:g} to {HIGHEST_FPS:g}, "
+            f"expected a number of frames per second from {least:g} to {HIGHEST_FPS:g}, "
             f"found {tokens[0].value!r}"
         )
     return fps

@@ -80,7 +80,8 @@ def describe_sensor(sensor: Sensor) -> str:
     missing = int(layout.is_missing.sum())
     if layout.shape is not None:
         count = f"{layout.shape[0]} x {layout.shape[1]} markers"
-        spacing = f"pitch {x_px:.0f} x {y_px:.0f} px"
+        known = [f"{each:.0f}" for each in (x_px, y_px) if np.isfinite(each)]
+        spacing = f"pitch {' x '.join(known)} px"
     else:
         count = f"{len(layout.rest_mm)} markers without rows and columns"
         spacing = f"about {x_px:.0f} px apart"
@@ -104,7 +105,7 @@ def sensor_to_dict(sensor: Sensor) -> dict[str, Any]:
         "markers": int(len(layout.rest_mm) - len(missing)),
         "missing": missing.tolist(),
         "polarity": layout.polarity,
-        "pitch_px": np.round(pitch_px(sensor), 3).tolist(),
+        "pitch_px": [round(float(each), 3) if np.isfinite(each) else None for each in pitch_px(sensor)],
         f"pitch_{unit}": np.round(layout.pitch_mm, 6).tolist(),
         f"radius_{unit}": round(float(np.median(layout.radius_mm)), 6),
         "colour_weights": None if layout.colour_weights is None else layout.colour_weights.tolist(),

@@ -8,7 +8,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 from scipy.spatial import KDTree
 
-from manytouch.limits import MAX_MARKERS, size_mistake
+from manytouch.limits import MAX_MARKERS, sheet_mistake, size_mistake
 from manytouch.values.sensor import Boundary
 from manytouch.values.sensor_file.sections import (
     ONE_OR_LIST,
@@ -143,6 +143,10 @@ class SheetSection(Section):
                 yield f"{name} is the standard deviation of {own}: specify {own} too"
         if "boundary" not in wrong:
             yield from self._mistakes_of_boundary(stated, wrong)
+        if not {"size_mm", "thickness_mm"} & set(wrong):
+            mistake = sheet_mistake(self.size_mm[0], self.size_mm[1], self.thickness_mm)
+            if mistake is not None:
+                yield mistake
         depth_mm = self.marker_depth_mm
         if depth_mm is not None and "thickness_mm" in stated and depth_mm > self.thickness_mm:
             yield (

@@ -13,7 +13,12 @@ from manytouch.paper.estimation import PaperEstimation
 from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
 from manytouch.sinks.files.hashing import result_hash
-from manytouch.sinks.files.sensor_description import describe_sensor, describe_view, pitch_px
+from manytouch.sinks.files.sensor_description import (
+    describe_sensor,
+    describe_view,
+    pitch_px,
+    sensor_to_dict,
+)
 from manytouch.sinks.files.summary import Summary, parameters
 from manytouch.values import Phase, Roi, Sheet, SheetSpline, Status
 
@@ -195,6 +200,18 @@ def test_parameters_name_every_stage():
 def test_a_sensor_in_words(sensor):
     assert describe_sensor(sensor) == "4 x 6 markers, dark, pitch 40 x 32 px, 1 missing"
     assert pitch_px(sensor) == pytest.approx([40.0, 32.0])
+
+
+def test_a_single_row_has_one_pitch(sensor):
+    layout = sensor.layout
+    kept = np.flatnonzero(layout.row_column[:, 0] == 0)
+    arrays = ("rest_mm", "row_column", "radius_mm", "is_missing")
+    row = {name: getattr(layout, name)[kept] for name in arrays}
+    rest_px = None if layout.rest_px is None else layout.rest_px[kept]
+    single = replace(sensor, layout=replace(layout, **row, rest_px=rest_px))
+    assert describe_sensor(single) == "1 x 6 markers, dark, pitch 40 px"
+    described = json.loads(json.dumps(sensor_to_dict(single), allow_nan=False))
+    assert described["pitch_px"] == [40.0, None]
 
 
 def test_the_size_of_the_picture_on_the_sheet_shows_a_wrong_scale(sensor):
