@@ -114,8 +114,8 @@ def process_job(
 class ResultFiles:
     """The files of a result folder; they replace those of an earlier run at the end of its block.
 
-    An error of writing leaves the earlier folder as it was. Any other error, also `KeyboardInterrupt`, keeps
-    what was computed, and summary.json then contains `"complete": false`.
+    An error of writing, or one before the first reading, leaves the earlier folder as it was. Any other one,
+    also `KeyboardInterrupt`, keeps what was computed; summary.json then contains `"complete": false`.
 
     Attributes:
         folder: the final folder; the files are in its `partial_path` until the end of the block.
@@ -208,6 +208,9 @@ class ResultFiles:
             if error is not None and (isinstance(error, OutputError) or is_disk_full(error)):
                 self._close_sinks()
                 raise self._with_space(error) from error
+            if error is not None and self.summary.frames == 0:
+                self._close_sinks()
+                return
             try:
                 for sink in self.sinks:
                     sink.close()  # again, or for the first time if the run has not begun

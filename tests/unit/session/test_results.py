@@ -5,6 +5,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
 
@@ -27,6 +28,7 @@ from manytouch.session import (
     run,
 )
 from manytouch.session.methods import default_method
+from manytouch.session.prepare import Job
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sources import open_source
 from manytouch.sources.simulated import SimulatedSource, simulated_source
@@ -113,6 +115,24 @@ def test_a_failed_write_leaves_no_file_of_its_run(tmp_path: Path) -> None:
     process_job(prepare(DrawnSource(frames=16)), folder)
     with pytest.raises(OutputError):
         process_job(prepare(DrawnSource(frames=30)), folder, sinks=[Full()])
+    assert len(rows_of(folder / "frames.csv")) == 16
+    assert [path.name for path in tmp_path.iterdir()] == ["press"]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ManytouchError])
+def test_a_run_that_fails_before_its_first_frame_leaves_the_earlier_result(error, tmp_path: Path) -> None:
+    folder, job = tmp_path / "press", prepare(DrawnSource(frames=20))
+
+    def fail(*_: object) -> None:
+        raise error
+
+    with mock.patch.object(Job, "warm_up", fail), pytest.raises(error):
+        process_job(job, folder)
+    assert not any(tmp_path.iterdir())
+    process_job(prepare(DrawnSource(frames=16)), folder)
+    with mock.patch.object(Job, "warm_up", fail), pytest.raises(error):
+        process_job(job, folder)
+    assert summary_of(folder)["complete"] is True
     assert len(rows_of(folder / "frames.csv")) == 16
     assert [path.name for path in tmp_path.iterdir()] == ["press"]
 
