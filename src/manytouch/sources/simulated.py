@@ -75,9 +75,18 @@ class SimulatedSource(Simulated):
         return self.simulator.truth(index)
 
     def lasting(self, seconds: float) -> "SimulatedSource":
-        """The same source, cut or repeated to a number of seconds."""
+        """The same source, cut or repeated to a number of seconds.
+
+        Raises:
+            SourceError: they are shorter than a frame.
+        """
         scene = self.simulator.scene.with_duration(seconds)
-        return SimulatedSource(simulator=replace(self.simulator, scene=scene))
+        source = SimulatedSource(simulator=replace(self.simulator, scene=scene))
+        if source.frame_count == 0:
+            raise SourceError(
+                f"{seconds:g} s of the sensor contain no frame: give {1.0 / source.fps:.2g} s or more"
+            )
+        return source
 
 
 def simulated_source(

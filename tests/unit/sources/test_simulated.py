@@ -155,3 +155,8 @@ def test_an_outline_has_corners_enough_for_the_solved_sheet() -> None:
         outline_mm += scene.motion_of(outline_mm[:, :2])(3.0)
         centre_px, _ = polygon_ellipses(project(camera, outline_mm)[None])
         assert centre_px[0] == pytest.approx(truth.grid.position_px[marker], abs=0.003)
+
+
+def test_less_than_a_frame_is_refused() -> None:
+    with pytest.raises(SourceError, match=r"0\.001 s of the sensor contain no frame: give 0\.033 s"):
+        simulated_source().lasting(0.001)
