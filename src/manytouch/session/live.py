@@ -68,8 +68,8 @@ class Live:
 
     It is both `manytouch.session.Readings`, for `run`, and `manytouch.pipeline.Controls`, for the viewer.
     Decoding, detection and tracking run in a thread, estimation and sinks in the one that calls `run`. Frames
-    of a device that come while a thread is busy are dropped and counted, all but the last. A changed method,
-    parameter or reference is prepared in a third thread, while the frames are processed as before.
+    of a device that come while a thread is busy are dropped and counted, all but the last. What is changed
+    is prepared in a third thread, while the frames are processed as before. `meter` counts the readings.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class Live:
         self._present = self._wanted
         self._commands = CommandQueue()
         self._setups: BackgroundPreparation[Setup] = BackgroundPreparation(self._warm_up, self._refuse)
-        self._meter = ThroughputMeter()
+        self.meter = ThroughputMeter()
         self._recorder = SessionRecorder(job, recordings, self._commands.note)
         self._record_path, self._begin = record, begin
         self._outputs: tuple[Output, ...] = ()
@@ -138,7 +138,7 @@ class Live:
     @property
     def own_sinks(self) -> tuple[Sink, ...]:
         """The outputs, the recorder, and the meter of rate and latency."""
-        return *self._outputs, self._recorder, self._meter
+        return *self._outputs, self._recorder, self.meter
 
     def attach(self, outputs: Sequence[Output]) -> None:
         """Pass readings to other programs too; call it before the session is run."""
@@ -159,16 +159,16 @@ class Live:
     def health(self) -> Health:
         """State of source, session and recording."""
         setup, can = self._present, self._job.source.capabilities
-        layout, (median_ms, p99_ms) = setup.sensor.layout, self._meter.latency_ms
+        layout, (median_ms, p99_ms) = setup.sensor.layout, self.meter.latency_ms
         return Health(
             is_running=not self._is_held,
             source_state="ok" if can.device is None else can.device.status,
-            readings_per_s=self._meter.readings_per_s,
+            readings_per_s=self.meter.readings_per_s,
             latency_ms_p50=median_ms,
             latency_ms_p99=p99_ms,
-            frames=self._meter.frames,
+            frames=self.meter.frames,
             dropped=self._dropped + (0 if self._stream is None else self._stream.replaced),
-            markers_seen=self._meter.markers_seen,
+            markers_seen=self.meter.markers_seen,
             markers=0 if layout is None else int((~layout.is_missing).sum()),
             method=setup.method,
             methods=METHODS,

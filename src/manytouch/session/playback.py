@@ -63,7 +63,7 @@ class Playback:
         method: str | None = None,
         sensor: str | Path | Sensor | None = None,
         stays: bool = False,
-        begins_at_end: bool = False,
+        shown: ThroughputMeter | None = None,
     ) -> None:
         """Open a recording, a video or images.
 
@@ -71,7 +71,7 @@ class Playback:
             given: the file, or a job of it. Frames of a job, and of a file without readings, are processed.
             method, sensor: to process it again with; of a job, those of the job are used.
             stays: wait at the end for a `Seek` command, instead of ending.
-            begins_at_end: of what was shown already, begin with that wait.
+            shown: meter of the session that has shown the file already; the playback begins with that wait.
 
         Raises:
             SourceError: it does not exist, or its frames cannot be read in any order.
@@ -95,14 +95,14 @@ class Playback:
         self._stays = stays
         self._commands = CommandQueue()
         self._setups: BackgroundPreparation[Setup] = BackgroundPreparation(self._warm_up, self._refuse)
-        self._meter = ThroughputMeter()
+        self._meter = ThroughputMeter() if shown is None else shown
         self._pace = Pace()
         self._is_held = False
-        self._place = len(timeline) - 1 if begins_at_end else 0
+        self._place = 0 if shown is None else len(timeline) - 1
         self._sought: int | None = None
         self._continues = False
         self._processor = FrameProcessor()
-        self._is_at_end = begins_at_end
+        self._is_at_end = shown is not None
         self._outputs: tuple[Output, ...] = ()
 
     @property

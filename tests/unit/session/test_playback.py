@@ -10,7 +10,7 @@ import pytest
 
 from clips import picture, pressed_video, write_video
 from manytouch.errors import SourceError
-from manytouch.session import Playback, pipeline_for, prepare, run
+from manytouch.session import Live, Playback, pipeline_for, prepare, run
 from manytouch.sources import open_source
 from manytouch.sources.files.frame_timeline import FrameTimeline, frame_timeline
 from manytouch.sources.source import Source
@@ -230,9 +230,12 @@ def test_a_frame_has_the_same_contacts_after_a_jump_as_from_playing(pressed: Pat
 
 
 def test_what_was_shown_already_waits_at_its_end(video: Path) -> None:
-    playback = Playback(prepare(video, fps=500.0), stays=True, begins_at_end=True)
+    live = Live(prepare(video, fps=500.0))
+    run(live, [])
+    playback = Playback(live.job, stays=True, shown=live.meter)
     assert not playback.health().is_running
     assert playback.health().frame == FRAMES - 1
+    assert playback.health().markers_seen == live.health().markers_seen > 0
     sink = Seeking(playback, {})
     waits = iter(range(5))
     run(playback, [sink], stop=lambda: next(waits, None) is None)

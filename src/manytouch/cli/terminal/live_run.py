@@ -84,7 +84,7 @@ def run_live(live: Live, folder: Path | None, outputs: Outputs, stop: StopCondit
         if files is not None:
             reporter.finish(files.summary, files.folder.path, is_complete=is_complete)
         if is_complete and pages and outputs.shows_timeline_of(job.source):
-            playback = Playback(live.job, stays=True, begins_at_end=True)
+            playback = Playback(live.job, stays=True, shown=live.meter)
             playback.attach(kept)
             controls.session = playback
             _print_stay(reporter)
