@@ -142,7 +142,7 @@ def main() -> None:
     options = parser.parse_args()
     estimate, random = PadEstimator(), np.random.default_rng(5)
     if options.linear:
-        estimate = PadEstimator(pad_contacts=PadContacts(stiffening=0.0, sticking=0.0))
+        estimate = PadEstimator(pad_contacts=PadContacts(stiffening=0.0, sticking=0.0, sticking_power=0.0))
     rows: dict[bool, list[Row]] = {True: [], False: []}
     true_count = {True: 0, False: 0}
     for case in pads("pads"):

@@ -1,11 +1,13 @@
 """A pad bonded to a window, and the closed form of the layer that it is far from its sides."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import beta, gamma, j0, j1, jv
 
 from manytouch.evaluation.suite.pads.pad_sensors import pad_sensor as bonded_sensor
 from manytouch.geometry.refraction import project_through_window
+from manytouch.mechanics.pad.layer import layer_response
 from manytouch.values import Sensor
 
 THICKNESS_MM, POISSON, YOUNG_MPA = 4.0, 0.48, 0.3
@@ -78,3 +80,74 @@ def gaussian_points(centre_mm: tuple[float, float], root_mm: float) -> tuple[np.
     place = np.stack(np.meshgrid(along, along, indexing="ij"), axis=-1).reshape(-1, 2)
     weight = np.exp(-0.5 * (place**2).sum(axis=1) / root_mm**2)
     return place + centre_mm, weight / weight.sum()
+
+
+@dataclass(frozen=True)
+class RigidFace:
+    """A rigid flat disc that is pressed by 1 mm into a layer without sides, by small strains.
+
+    Pressure and radial shear are sums of (1 - s^2)^(m - 1/2) and of s (1 - s^2)^(m - 1/2), m = 0 to 5, for
+    the place s over the radius. Of all with one force, those of a rigid face do the least work.
+
+    Attributes:
+        radius_mm, thickness_mm, poisson: of the disc and the layer.
+        sticks: whether the face does not slide on the layer, or without friction.
+    """
+
+    radius_mm: float
+    thickness_mm: float
+    poisson: float
+    sticks: bool
+
+    def _transforms(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Wave numbers, weights of their integral, and Hankel transforms (6, k) of pressures and shears."""
+        place, weight = np.polynomial.legendre.leggauss(1500)
+        wave = 150.0 / self.radius_mm * (0.5 * (place + 1.0)) ** 2
+        step = 150.0 / self.radius_mm * 0.5 * (place + 1.0) * weight
+        ka, order = wave * self.radius_mm, np.arange(6)[:, None] - 0.5
+        scale = 2.0**order * gamma(order + 1.0) * self.radius_mm**2 / ka ** (order + 1.0)
+        return wave, wave * step, scale * jv(order + 1.0, ka), scale * jv(order + 2.0, ka)
+
+    def _shares(self) -> tuple[np.ndarray, np.ndarray]:
+        """Shares (6,) of the pressures and of the shears."""
+        wave, part, press, shear = self._transforms()
+        layer = layer_response(wave, self.thickness_mm, self.poisson)
+        press_press = (press * layer.normal * part) @ press.T
+        shear_press = (shear * layer.squeezed * part) @ press.T
+        shear_shear = (shear * layer.along * part) @ shear.T
+        force = 0.5 * self.radius_mm**2 * beta(1.0, np.arange(6) + 0.5)
+        if not self.sticks:
+            return np.linalg.solve(press_press, force), np.zeros(6)
+        work = np.block([[press_press, shear_press.T], [shear_press, shear_shear]])
+        share = np.linalg.solve(work, np.concatenate([force, np.zeros(6)]))
+        return share[:6], share[6:]
+
+    @property
+    def moments(self) -> tuple[float, float, float, float]:
+        """Force over E, mm^2; root of the second moment, mm; mean of r^4 with unit moments; radial shear.
+
+        The last is that of a patch with the same mean of the radial shear.
+        """
+        press, shear = self._shares()
+        power = np.arange(6) + 0.5
+        force, second, fourth = (press @ beta(order, power) for order in (1.0, 2.0, 3.0))
+        root_mm = self.radius_mm * np.sqrt(0.5 * second / force)
+        radial = float(shear @ beta(2.0, power) / second * root_mm / self.radius_mm)
+        return (
+            np.pi * self.radius_mm**2 * float(force),
+            float(root_mm),
+            4.0 * fourth * force / second**2,
+            radial,
+        )
+
+    def displacement_mm(self, away_mm: np.ndarray, below_mm: float) -> np.ndarray:
+        """(k, 3) of points at places (k, 2) from the axis, below the face."""
+        wave, part, press, shear = self._transforms()
+        layer = layer_response(wave, self.thickness_mm, self.poisson, below_mm)
+        press_share, shear_share = self._shares()
+        pressure, radial = press_share @ press * part, shear_share @ shear * part
+        distance_mm = np.maximum(np.linalg.norm(away_mm, axis=1), 1e-9)
+        phase = np.outer(distance_mm, wave)
+        outwards = j1(phase) @ (layer.squeezed * pressure + layer.along * radial)
+        down = j0(phase) @ (layer.normal * pressure + layer.lifted * radial)
+        return np.column_stack([away_mm * (outwards / distance_mm)[:, None], -down])

@@ -22,6 +22,7 @@ from manytouch.estimation.pad.patch_forces import (
     TORQUE,
     fill_basis,
     fill_effects,
+    pressing_work,
 )
 from manytouch.estimation.pad.patch_kernels import (
     CENTRE_X,
@@ -41,12 +42,12 @@ _AREA, _DEPTH, _NORMAL = (ESTIMATES.index(name) for name in ("area", "depth", "n
 _FORCES = [ESTIMATES.index(name) for name in ("shear_x", "shear_y", "normal_force", "torque")]
 _STEP_MM = 1e-3  # of the shape of a contact, in differences of its depth
 _ELEMENT_ROOT = 0.245  # so that the depth under a Gaussian load of .75 elements agrees with the layer
-_CENTRE_DEPTH = (8.0 / 3.0 / np.sqrt(6.0), 1.0, np.sqrt(0.5))
-"""Depth of the centre of a patch of each profile on a half-space, over (1 - nu^2) F / (pi E) and the root of
-its second moment."""
+_CENTRE_DEPTH = (8.0 / 3.0 / np.sqrt(6.0), 0.5 * np.pi / np.sqrt(3.0), np.sqrt(0.5))
+"""Depth of the centre of a patch on a half-space, of a flat one that of a rigid flat face, over
+(1 - nu^2) F / (pi E) and the root of its second moment."""
 _RING_ROOTS = (1.0, 1.0, np.sqrt(2.0))
-"""Radius at which a patch of each profile may be deeper than at its centre, in roots of its second moment."""
-_STICKING_ROOTS = (2.0, np.sqrt(8.0 / 3.0), 0.0)
+"""Radius at which a dome or a rim may be deeper than at its centre, in roots of its second moment."""
+_STICKING_ROOTS = (2.0, np.sqrt(7.0 / 3.0), 0.0)
 """Radius at which the mean lateral displacement by a patch of each profile is that of a rigid object that
 sticks and has the same shear, in roots of its second moment; 0 for a rim, inside which it is nearly
 constant."""
@@ -123,14 +124,13 @@ class PadContacts:
         depth_pitch: standard deviation of the depth that the model does not explain, in pitches.
         force_share: standard deviation of the normal force that the model does not explain, over it.
         stiffening: by how much the normal force of a large strain exceeds that of the linear pad, over it,
-            where the depth is one thickness; proportional to the depth. Chosen for the least mean error over
-            3-D solutions with depths to .4 thicknesses and Poisson's ratios of .47 to .49: balls that slide
-            need 0, edges and rings .5 to .8.
+            where the depth is one thickness; proportional to it. Chosen for the least mean error over 3-D
+            solutions, depths to .4 thicknesses, Poisson's ratio .47 to .49: sliding balls need 0, edges .8.
         sticking: by how much more it exceeds that under an object that sticks, which hinders the pad from
-            spreading; chosen likewise, on eight presses with friction, and not
-            confirmed on held-out ones.
-        sticking_shear: radial shear up to which an object slides, and from which on it sticks. A pressure
-            that is flat is left out: the same radial shear stands for one that is larger at its rim.
+            spreading; chosen likewise, on eight presses with friction, and not confirmed on held-out ones.
+        sticking_power: of 1 / (1 - depth / thickness) in the force of a flat face that sticks over that of
+            the linear pad: that of a thin incompressible pad (docs/derivations/bonded-pads.md).
+        sticking_shear: radial shear up to which an object slides, and from which on it sticks.
         large_strain: standard deviation of depth and normal force by large strains, over their values, where
             the depth is one thickness; proportional to the depth.
         wide: standard deviation of depth and normal force of wide contacts, over their values, where the mean
@@ -152,6 +152,7 @@ class PadContacts:
     force_share: float = 0.05
     stiffening: float = 0.35
     sticking: float = 0.6
+    sticking_power: float = 1.5
     sticking_shear: tuple[float, float] = (-0.06, -0.16)
     large_strain: float = 0.3
     wide: float = 0.8
@@ -171,13 +172,17 @@ class PadContacts:
         """Relative deviation that the model does not explain, for lengths in thicknesses."""
         return float(np.linalg.norm((share, self.large_strain * strain, 0.5 * self.wide * width**2)))
 
-    def _sticking(self, parameters: Float64[np.ndarray, "10"], profile: int) -> tuple[float, float]:
-        """What an object adds to `stiffening`, and the derivative of that by its radial shear."""
+    def _stiffer(self, radial: float, profile: int, strain: float) -> tuple[float, float, float]:
+        """Force over that of the linear pad, and its derivatives by the strain and by the radial shear."""
         slides, sticks = self.sticking_shear
-        share = float((parameters[RADIAL_SHEAR] - slides) / (sticks - slides))
-        if profile == Profile.FLAT or share <= 0.0:
-            return 0.0, 0.0
-        return self.sticking * min(share, 1.0), self.sticking / (sticks - slides) if share < 1.0 else 0.0
+        share, slid = (radial - slides) / (sticks - slides), 1.0 + self.stiffening * strain
+        by_radial, share = float(0.0 < share < 1.0) / (sticks - slides), min(max(share, 0.0), 1.0)
+        stuck, steep, left = slid + self.sticking * strain, self.stiffening + self.sticking, 1.0 - strain
+        if profile == Profile.FLAT:
+            left, power = max(left, 0.5), self.sticking_power  # beyond, nothing is known
+            stuck, steep = left**-power, power * left ** (-power - 1.0)
+        factor = (1.0 - share) * slid + share * stuck
+        return factor, (1.0 - share) * self.stiffening + share * steep, by_radial * (stuck - slid)
 
     def surface_covariance(
         self, model: BondedPadModel, fit: PadFit, found: Sequence[Contact], shape: PadShape, is_seen: Mask
@@ -203,14 +208,12 @@ class PadContacts:
     ) -> Contact:
         parameters = fit.patches.parameters[number]
         depth_mm, slope, moved_mm = _depth(model, fit, shape, number)
-        sticking, by_radial = self._sticking(parameters, int(fit.patches.profile[number]))
-        per_mm = (self.stiffening + sticking) / model.thickness_mm
-        stiffer = 1.0 + per_mm * max(depth_mm, 0.0)
+        strain, profile = max(depth_mm, 0.0) / model.thickness_mm, int(fit.patches.profile[number])
+        stiffer, by_strain, by_radial = self._stiffer(float(parameters[RADIAL_SHEAR]), profile, strain)
         centre_mm, press_mm2 = parameters[:2], stiffer * float(parameters[FORCE])
         slope[_NORMAL] *= stiffer
-        if depth_mm > 0.0:
-            slope[_NORMAL] += parameters[FORCE] * per_mm * slope[_DEPTH]
-            slope[_NORMAL, RADIAL_SHEAR] += parameters[FORCE] * by_radial * depth_mm / model.thickness_mm
+        slope[_NORMAL] += parameters[FORCE] * by_strain / model.thickness_mm * slope[_DEPTH]
+        slope[_NORMAL, RADIAL_SHEAR] += parameters[FORCE] * by_radial
         part = np.r_[
             PARAMETER_COUNT * number : PARAMETER_COUNT * (number + 1),
             PARAMETER_COUNT * len(fit.patches) + MOTIONS : len(fit.covariance),
@@ -220,13 +223,10 @@ class PadContacts:
         covariance += by_sheet @ by_sheet.T
         footprint = _on_pad(self.footprints(clusters, number, model.pitch_mm), model)
         area_mm2 = footprint.area_mm2
-        root_trace_mm = float(
-            np.sqrt(parameters[ROOT_XX] ** 2 + parameters[ROOT_YX] ** 2 + parameters[ROOT_YY] ** 2)
-        )
+        root_trace_mm = float(np.linalg.norm(parameters[ROOT_XX:SHAPE]))
         place_mm = np.hypot(self.position_pitch * model.pitch_mm, self.position_root * root_trace_mm)
-        std = np.zeros(len(ESTIMATES))
+        std, width = np.zeros(len(ESTIMATES)), root_trace_mm / model.thickness_mm
         std[:2] = place_mm
-        strain, width = depth_mm / model.thickness_mm, root_trace_mm / model.thickness_mm
         depth_share = self._unexplained(self.depth_share, strain, width)
         std[_DEPTH] = np.hypot(depth_share * depth_mm, self.depth_pitch * model.pitch_mm)
         std[_FORCES] = (
@@ -278,11 +278,14 @@ def _depth(
 ) -> tuple[float, Float64[np.ndarray, "8 p"], Float64[np.ndarray, "3"]]:
     """Largest depth of a contact; derivatives of `ESTIMATES`; displacement of its centre.
 
+    A rigid flat face is everywhere as deep. By the reciprocity of E. Betti 1872, it is as deep as the mean of
+    the displacement by any traction with its force, weighted with its own traction. With the fitted one for
+    both, the error is of second order in that of the traction: the work over the force.
+
     The derivatives are by the parameters of the contact, then by those of the pad. Areas have none. An object
-    that sticks moves the face alike everywhere, unlike a shear in proportion to the pressure. By the
-    reciprocity of E. Betti 1872, it moves it by the mean of the latter, weighted with its own shear,
-    1 / sqrt(a^2 - r^2) on a disc of radius a on a half-space: to second order in r, the mean at
-    r = sqrt(2 / 3) a.
+    that sticks moves the face alike everywhere, unlike a shear in proportion to the pressure. Likewise, it
+    moves it by the mean of the latter, weighted with its own shear, 1 / sqrt(a^2 - r^2) on a disc of radius a
+    on a half-space: to second order in r, the mean at r = sqrt(2 / 3) a.
     """
     parameters, profile = fit.patches.parameters[number], int(fit.patches.profile[number])
     root = np.array([[parameters[ROOT_XX], 0.0], [parameters[ROOT_YX], parameters[ROOT_YY]]])
@@ -291,18 +294,22 @@ def _depth(
     moved_mm = np.einsum("kn,kni->ki", value, shape.coefficient_mm[node])
     deepest = int(np.argmin(moved_mm[: len(_RING), 2]))
     centre_mm = np.array([*moved_mm[len(_RING) :, :2].mean(axis=0), moved_mm[0, 2]])
-    linear_mm = -float(value[deepest] @ shape.linear_mm[node[deepest], 2])
-    plain_mm = _unresolved_depth(model, parameters, profile) if deepest == 0 else 0.0
-    linear_mm += plain_mm
-    depth_mm = float(large_strain(np.array([linear_mm]), model.thickness_mm)[0])
-    # the face is symmetric
-    by_node = (value[deepest] @ model.face[node[deepest], 2].reshape(16, -1)).reshape(-1, 3)
+    is_face, press_mm2 = profile == Profile.FLAT, max(float(parameters[FORCE]), 1e-9)
+    if is_face:
+        deepest, moved_by = 0, model.by_place(shape.linear_mm) / press_mm2
+        linear_mm, effect = pressing_work(parameters, profile, model.grid, moved_by), 2.0 * moved_by
+    else:  # the face is symmetric
+        linear_mm = -float(value[deepest] @ shape.linear_mm[node[deepest], 2])
+        by_node = (value[deepest] @ model.face[node[deepest], 2].reshape(16, -1)).reshape(-1, 3)
+        effect = -model.by_place(by_node)
     slope = np.zeros((len(ESTIMATES), PARAMETER_COUNT + len(fit.sheet)))
     step = np.full(PARAMETER_COUNT, _STEP_MM)
     step[SHAPE:] = 1e-3 * max(abs(float(parameters[FORCE])), 1e-9)
-    fill_effects(
-        parameters, profile, step, model.grid, -model.by_place(by_node), slope[_DEPTH, :PARAMETER_COUNT]
-    )
+    fill_effects(parameters, profile, step, model.grid, effect, slope[_DEPTH, :PARAMETER_COUNT])
+    slope[_DEPTH, FORCE] -= linear_mm / press_mm2 if is_face else 0.0
+    plain_mm = _unresolved_depth(model, parameters, profile) if deepest == 0 else 0.0
+    linear_mm += plain_mm
+    depth_mm = float(large_strain(np.array([linear_mm]), model.thickness_mm)[0])
     # what is not resolved depends on these parameters only
     for parameter in (ROOT_XX, ROOT_YY, FORCE) if deepest == 0 else ():
         changed = parameters.copy()
@@ -350,8 +357,8 @@ def _unresolved_depth(model: BondedPadModel, parameters: np.ndarray, profile: in
     """Depth at the centre of a patch that its nodes cannot show, after that of a half-space.
 
     The centre of a patch of radius a on a half-space is c (1 - nu^2) F / (pi a E) deep; c is 8 / 3 for a
-    dome, 2 for a flat pressure, 1 for one on the rim. The elements widen
-    the root of a second moment to the root of its square plus that of `_ELEMENT_ROOT` elements.
+    dome, pi / 2 for a rigid flat face, 1 for a pressure on the rim. The elements widen the root of a
+    second moment to the root of its square plus that of `_ELEMENT_ROOT` elements.
     """
     root_mm = float(np.sqrt(abs(parameters[ROOT_XX] * parameters[ROOT_YY])))
     wide_mm = float(np.hypot(root_mm, _ELEMENT_ROOT * max(model.grid.step_x, model.grid.step_y)))

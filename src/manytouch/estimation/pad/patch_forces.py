@@ -68,6 +68,24 @@ def add_tractions(
 
 @kernel()
 @no_type_check
+def pressing_work(
+    parameters: Float64[np.ndarray, "10"], profile: int, grid: PadGrid, moved: Float64[np.ndarray, "nx ny 3"]
+) -> float:
+    """Work over E of the pressure and the radial shear of a contact on displacements of the nodes, mm^3."""
+    pressing = parameters.copy()
+    pressing[SHEAR_X : TORQUE + 1] = 0.0
+    shape = (3, moved.shape[0], moved.shape[1])
+    spread, nodal, total = np.empty(shape), np.zeros(shape), 0.0
+    add_tractions(pressing, profile, grid, density(parameters, grid), spread, nodal)
+    for i in range(shape[1]):
+        for j in range(shape[2]):
+            for axis in range(3):
+                total += nodal[axis, i, j] * moved[i, j, axis]
+    return total
+
+
+@kernel()
+@no_type_check
 def fill_effects(
     parameters: Float64[np.ndarray, "10"],
     profile: int,

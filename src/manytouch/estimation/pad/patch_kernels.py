@@ -25,7 +25,8 @@ class Profile(IntEnum):
     """1 - r^2: that under a ball with a contact radius of 2 to 3 thicknesses of a nearly incompressible pad.
     Under smaller ones it tends to sqrt(1 - r^2) (H. Hertz 1882), which markers hardly show."""
     FLAT = 1
-    """The same everywhere: near that of a flat face that sticks to the pad."""
+    """(1 - r^2)^(-1/4): near that under a rigid flat face, which slides or sticks, with a radius of .5 to 1.5
+    thicknesses. On a half-space it is (1 - r^2)^(-1/2) (J. Boussinesq 1885), on a thinner pad more even."""
     RIM = 2
     """On the rim only: that of a ring."""
 
@@ -73,11 +74,16 @@ class Markers(NamedTuple):
     slope: Float64[np.ndarray, "m 2 3"]
 
 
+_EXPONENT = (1.0, -0.25)
+"""Of 1 - r^2 in the profiles of a disc. That of a flat face has the mean of r^4 of the pressure under a rigid
+one on the exact layer where its radius is .95 thicknesses, the middle of the range in `Profile.FLAT`."""
+
+
 def _quadrature(profile: Profile, rings: int, count: int) -> Float64[np.ndarray, "q 3"]:
     """Quadrature of a pressure over a disc with unit second moments: x, y, weight."""
     if profile is Profile.RIM:
         rings, count = 1, rings * count
-    place, share = roots_jacobi(rings, 1.0 if profile is Profile.DOME else 0.0, 0.0)
+    place, share = roots_jacobi(rings, 0.0 if profile is Profile.RIM else _EXPONENT[profile], 0.0)
     square = 0.5 * (place + 1.0)
     share /= share.sum()
     angle = 2.0 * np.pi * np.arange(count) / count
@@ -105,7 +111,7 @@ patches."""
 DENSE_POINTS, DENSEST_POINTS = _quadratures(9, 27), _quadratures(15, 45)
 """For nodal forces of patches with roots of more than `_DENSE` and `_DENSEST` elements, on which fewer points
 would be separate loads."""
-_GAUSSIAN_ROOT_SHARE = np.array([0.5, 0.3, 0.2])
+_GAUSSIAN_ROOT_SHARE = np.array([0.5, 0.25, 0.2])
 """Roots of the Gaussians that make up a patch of each profile, over its own: as narrow as the distance of
 their places allows."""
 _DENSE, _DENSEST = 0.75, 2.5

@@ -148,7 +148,8 @@ class ProfileChoice:
     Attributes:
         gain: by how much another profile or width must reduce the misfit, and by how much near contacts as
             one may increase it, in units of the misfit per degree of freedom of the fit that is tried (at
-            least 1, `misfit_scale`).
+            least 1, `misfit_scale`). A rim must reduce it by as much more: within a radius of a thickness
+            markers hardly show whether the middle of a contact is loaded, and flat faces are more usual.
         root: least root of the second moment, in thicknesses, of a contact whose other profiles are tried;
             the markers hardly show that of narrower ones. Near contacts as one are tried with each profile.
         between: root, in pitches, below which a contact is between markers: it may be another minimum of the
@@ -195,9 +196,10 @@ class ProfileChoice:
             tried += [one, *_with_others(fitted, one, len(one.patches) - 1)]
         if not tried:
             return None
+        rims = _rims(fit.patches)
         merit = [
             (before.misfit - each.misfit) / misfit_scale(each)
-            - (self.gain if len(each.patches) == len(fit.patches) else -self.gain)
+            - self.gain * ((1 if len(each.patches) == len(fit.patches) else -1) + _rims(each.patches) - rims)
             for each in tried
         ]
         best = int(np.argmax(merit))
@@ -213,6 +215,11 @@ class ProfileChoice:
             return []
         least_mm = min(self.root * model.thickness_mm, self.between * model.pitch_mm)
         return [int(number) for number in np.flatnonzero(_root_mm(fit.patches) < least_mm)]
+
+
+def _rims(patches: Patches) -> int:
+    """Number of patches with the profile of a rim."""
+    return int((patches.profile == Profile.RIM).sum())
 
 
 def _root_mm(patches: Patches) -> Scalars:

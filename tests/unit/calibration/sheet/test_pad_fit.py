@@ -23,7 +23,7 @@ from manytouch.values import Sensor
 
 DEPTH_MM, NOISE_PX = 0.5, 0.003
 EXACT = {"thickness_std_mm": 0.0, "marker_depth_std_mm": 0.0}
-LINEAR = PadEstimator(pad_contacts=PadContacts(stiffening=0.0, sticking=0.0))
+LINEAR = PadEstimator(pad_contacts=PadContacts(stiffening=0.0, sticking=0.0, sticking_power=0.0))
 
 
 def presses(sensor: Sensor) -> list[KnownPress]:

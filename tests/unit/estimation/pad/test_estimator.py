@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bonded_pad import THICKNESS_MM, YOUNG_MPA, pad_sensor, seen_px
+from bonded_pad import POISSON, THICKNESS_MM, YOUNG_MPA, RigidFace, pad_sensor, seen_px
 from layouts import grid_at
 from manytouch import sample
 from manytouch.errors import LayoutError, SensorError
@@ -109,7 +109,6 @@ def test_the_force_grows_over_the_linear_one_with_the_depth(pad_state: PadState)
         (-0.11, Profile.DOME, 0.5),
         (-0.3, Profile.DOME, 1.0),
         (-0.3, Profile.RIM, 1.0),
-        (-0.3, Profile.FLAT, 0.0),
     ],
 )
 def test_the_force_of_an_object_that_sticks_grows_more(
@@ -123,6 +122,50 @@ def test_the_force_of_an_object_that_sticks_grows_more(
     shape = pad_shape(model, fit)
     (found,) = PadContacts(stiffening=0.2, sticking=0.6)(model, fit, shape)
     ratio = 1.0 + (0.2 + share * 0.6) * found.depth_mm / THICKNESS_MM
+    assert found.normal_force_over_E_mm2 == pytest.approx(ratio * float(fit.force_mm2[0]))
+
+
+@pytest.mark.parametrize("sticks", [False, True])
+@pytest.mark.parametrize("radius_mm", [2.5, 3.2, 4.0])
+def test_a_flat_face_is_as_deep_as_its_force_presses_it(
+    pad_state: PadState, radius_mm: float, sticks: bool
+) -> None:
+    """The depth of a patch with the force, moment and radial shear of a rigid face on a layer."""
+    model, depth_mm = pad_state.model, 0.02
+    per_mm, root_mm, _, radial = RigidFace(radius_mm, THICKNESS_MM, POISSON, sticks).moments
+    fit = PadEstimator().fit_frame(pad_state, grid_at(pressed_px(pad_state, ONE), noise_px=0.01, seed=0))
+    one = np.array([[0.4, -0.3, root_mm, 0.0, root_mm, depth_mm * per_mm, 0.0, 0.0, 0.0, radial]])
+    fit = replace(fit, patches=patches(one, Profile.FLAT), sheet=np.zeros_like(fit.sheet))
+    (found,) = PadContacts()(model, fit, pad_shape(model, fit))
+    assert found.depth_mm == pytest.approx(depth_mm, rel=0.05)
+
+
+@pytest.mark.parametrize("sticks", [False, True])
+@pytest.mark.parametrize(("thickness_mm", "poisson"), [(4.0, 0.48), (2.5, 0.49)])
+def test_a_flat_face_that_is_seen_has_its_depth(thickness_mm: float, poisson: float, sticks: bool) -> None:
+    """Images of markers on a layer under a rigid face with a radius of .7 and 1.1 thicknesses."""
+    sensor = pad_sensor(thickness_mm=thickness_mm, poisson=poisson)
+    assert sensor.layout is not None
+    face, depth_mm = RigidFace(2.8, thickness_mm, poisson, sticks), 0.1
+    moved_mm = depth_mm * face.displacement_mm(sensor.layout.rest_mm[:, :2] - (0.3, -0.4), 0.5)
+    _, _, contacts = steps(ESTIMATE.start(sensor), seen_px(sensor, moved_mm))
+    (found,) = contacts.touching
+    np.testing.assert_allclose(found.centre_mm, (0.3, -0.4), atol=0.1)
+    assert found.depth_mm == pytest.approx(depth_mm, rel=0.17)
+    assert found.normal_force_over_E_mm2 == pytest.approx(depth_mm * face.moments[0], rel=0.12)
+
+
+@pytest.mark.parametrize(("radial", "share"), [(0.05, 0.0), (-0.11, 0.5), (-0.3, 1.0)])
+def test_the_force_of_a_flat_face_that_sticks_grows_as_a_thin_pad_stiffens(
+    pad_state: PadState, radial: float, share: float
+) -> None:
+    fit = PadEstimator().fit_frame(pad_state, grid_at(pressed_px(pad_state, ONE), noise_px=0.01, seed=0))
+    parameters = fit.patches.parameters.copy()
+    parameters[0, RADIAL_SHEAR] = radial
+    fit = replace(fit, patches=patches(parameters, Profile.FLAT))
+    (found,) = PadContacts(stiffening=0.2)(pad_state.model, fit, pad_shape(pad_state.model, fit))
+    strain = found.depth_mm / THICKNESS_MM
+    ratio = (1.0 - share) * (1.0 + 0.2 * strain) + share * (1.0 - strain) ** -1.5
     assert found.normal_force_over_E_mm2 == pytest.approx(ratio * float(fit.force_mm2[0]))
 
 
@@ -314,14 +357,19 @@ def test_patches_keep_their_profiles_where_others_come_and_go() -> None:
 
 
 @pytest.mark.parametrize("profile", Profile)
-def test_a_ring_is_deepest_on_its_rim(pad_state: PadState, profile: Profile) -> None:
+def test_a_ring_is_deepest_on_its_rim_and_a_flat_face_everywhere(
+    pad_state: PadState, profile: Profile
+) -> None:
     wide = np.array([[0.5, -0.5, 2.4, 0.0, 2.4, 20.0, 0.0, 0.0, 0.0, 0.0]])
     _, surface, contacts = steps(pad_state, pressed_px(pad_state, wide, profile))
     (found,) = contacts.touching
     angle = 2.0 * np.pi * np.arange(48) / 48
     rim = sample(surface, 0.5 + 3.4 * np.cos(angle), -0.5 + 3.4 * np.sin(angle))
     centre = sample(surface, np.array([0.5]), np.array([-0.5]))
-    assert (np.median(rim.depth_mm) > centre.depth_mm[0]) == (profile is Profile.RIM)
+    if profile is Profile.FLAT:
+        assert np.median(rim.depth_mm) == pytest.approx(centre.depth_mm[0], rel=0.2)
+    else:
+        assert (np.median(rim.depth_mm) > centre.depth_mm[0]) == (profile is Profile.RIM)
     assert found.depth_mm == pytest.approx(max(rim.depth_mm.max(), centre.depth_mm[0]), rel=0.2)
 
 

@@ -16,6 +16,7 @@ from manytouch.evaluation.suite.pads.pad_sensors import NOMINAL_STD, true_pad
 from manytouch.evaluation.suite.pads.recording import pad_states
 from manytouch.evaluation.suite.sensors import exact_sensor
 from manytouch.geometry.refraction import rest_px
+from manytouch.simulation.scene.deformation import Deformation
 from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.simulator import Simulator
 from manytouch.values import Sensor, TrackedGrid, Truth
@@ -163,6 +164,12 @@ def test_a_sudden_ring_is_one_contact() -> None:
             assert one.normal_force_over_E_mm2 == pytest.approx(true_mm2(case, number), rel=0.3)
 
 
+def _seen_px(sensor: Sensor, markers: Deformation) -> np.ndarray:
+    """(m, 2) images of the markers."""
+    scene = SolidScene(name="press", time_s=np.array([0.0, 1.0]), states=(markers, markers), duration_s=1.0)
+    return Simulator(sensor=sensor, scene=scene).truth(0).grid.position_px
+
+
 @pytest.mark.parametrize(
     ("estimate", "frames"),
     [(LONGER, 6), pytest.param(ESTIMATE, 12, marks=pytest.mark.slow)],
@@ -173,13 +180,27 @@ def test_a_punch_that_sticks_is_not_taken_for_a_weak_ring(estimate: PadEstimator
     (case,) = (each for each in pads("pads") if each.name == "flat-punch-3-mm-sticking")
     sensor = exact_sensor(true_pad(case, width_px=320, centre_noise_px=0.02))
     markers, _ = pad_states(case)[0]
-    scene = SolidScene(name="press", time_s=np.array([0.0, 1.0]), states=(markers, markers), duration_s=1.0)
-    position_px = Simulator(sensor=sensor, scene=scene).truth(0).grid.position_px
+    position_px = _seen_px(sensor, markers)
     started = estimate.start(sensor)
     for seed in range(frames):
         _, _, contacts = estimate.step(started, grid_at(position_px, noise_px=0.02, seed=seed))
         (found,) = contacts.touching
         assert found.force_N[2] == pytest.approx(markers.contacts[0].force_N[2], rel=0.25)
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_a_punch_that_sticks_is_as_deep_as_it_is(number: int) -> None:
+    """Markers hardly show whether the middle of a contact is loaded, and a rim has another depth."""
+    (case,) = (each for each in pads("pads") if each.name == "flat-punch-3-mm-sticking")
+    sensor = exact_sensor(true_pad(case, width_px=320, centre_noise_px=0.02))
+    markers, _ = pad_states(case)[number]
+    position_px = _seen_px(sensor, markers)
+    start = LONGER.start(sensor)
+    for seed in range(3):
+        after, _, contacts = LONGER.step(start, grid_at(position_px, noise_px=0.02, seed=seed))
+        (found,) = contacts.touching
+        assert list(after.patches.profile) == [Profile.FLAT]
+        assert found.depth_mm == pytest.approx(markers.contacts[0].depth_mm, rel=0.2)
 
 
 @pytest.mark.parametrize("name", ["ball-4-mm-dragged", "fingertip-dragged"])
