@@ -295,9 +295,10 @@ def _depth(
     deepest = int(np.argmin(moved_mm[: len(_RING), 2]))
     centre_mm = np.array([*moved_mm[len(_RING) :, :2].mean(axis=0), moved_mm[0, 2]])
     is_face, press_mm2 = profile == Profile.FLAT, max(float(parameters[FORCE]), 1e-9)
+    moved_by = model.by_place(shape.linear_mm) / press_mm2
+    linear_mm = pressing_work(parameters, profile, model.grid, moved_by)  # compiled with any first contact
     if is_face:
-        deepest, moved_by = 0, model.by_place(shape.linear_mm) / press_mm2
-        linear_mm, effect = pressing_work(parameters, profile, model.grid, moved_by), 2.0 * moved_by
+        deepest, effect = 0, 2.0 * moved_by
     else:  # the face is symmetric
         linear_mm = -float(value[deepest] @ shape.linear_mm[node[deepest], 2])
         by_node = (value[deepest] @ model.face[node[deepest], 2].reshape(16, -1)).reshape(-1, 3)
@@ -307,8 +308,7 @@ def _depth(
     step[SHAPE:] = 1e-3 * max(abs(float(parameters[FORCE])), 1e-9)
     fill_effects(parameters, profile, step, model.grid, effect, slope[_DEPTH, :PARAMETER_COUNT])
     slope[_DEPTH, FORCE] -= linear_mm / press_mm2 if is_face else 0.0
-    plain_mm = _unresolved_depth(model, parameters, profile) if deepest == 0 else 0.0
-    linear_mm += plain_mm
+    linear_mm += (plain_mm := _unresolved_depth(model, parameters, profile) if deepest == 0 else 0.0)
     depth_mm = float(large_strain(np.array([linear_mm]), model.thickness_mm)[0])
     # what is not resolved depends on these parameters only
     for parameter in (ROOT_XX, ROOT_YY, FORCE) if deepest == 0 else ():
