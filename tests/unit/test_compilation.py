@@ -151,3 +151,31 @@ def test_the_run_that_compiles_has_the_bits_of_later_runs(tmp_path: Path) -> Non
     for file in ("markers.parquet", "contacts.csv"):
         one, other = ((tmp_path / name / "sim-one" / file).read_bytes() for name in ("compiles", "later"))
         assert one == other, file
+
+
+TWICE = """
+import sys
+from manytouch.session import pipeline_for
+from manytouch.sources.simulated import simulated_source
+
+def kinds(signature):
+    return str(signature).replace(", True, aligned", "").replace(", False, aligned", "")
+
+frames = {"pad": (0, *range(40, 62)), "one": (0, *range(38, 44), 60)}
+for scene, numbers in frames.items():
+    source, estimate = simulated_source(scene, width_px=640), pipeline_for("mechanics").estimate
+    state = estimate.start(source.sensor)
+    for number in numbers:
+        state, _, _ = estimate.step(state, source.truth(number).grid)
+for name, module in sorted(sys.modules.copy().items()):
+    for function in vars(module).copy().values() if name.startswith("manytouch.") else ():
+        signatures = getattr(function, "signatures", [])
+        if len({kinds(each) for each in signatures}) < len(signatures):
+            print(name, function.py_func.__qualname__)
+"""
+
+
+def test_nothing_is_compiled_once_for_writable_and_once_for_read_only_arrays() -> None:
+    """A contact on the pad ends in these frames: fits then begin from what is left of others."""
+    done = subprocess.run([sys.executable, "-c", TWICE], check=False, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr

@@ -36,7 +36,7 @@ from manytouch.estimation.pad.patch_kernels import (
 from manytouch.geometry.refraction import project_through_window
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values import ESTIMATES, Contact, Phase
-from manytouch.values.arrays import Covariances3, Mask, Points2, Points3, Scalars, read_only
+from manytouch.values.arrays import Covariances3, Mask, Points2, Points3, Scalars, read_only, read_only_view
 
 _AREA, _DEPTH, _NORMAL = (ESTIMATES.index(name) for name in ("area", "depth", "normal_force"))
 _FORCES = [ESTIMATES.index(name) for name in ("shear_x", "shear_y", "normal_force", "torque")]
@@ -287,7 +287,7 @@ def _depth(
     moves it by the mean of the latter, weighted with its own shear, 1 / sqrt(a^2 - r^2) on a disc of radius a
     on a half-space: to second order in r, the mean at r = sqrt(2 / 3) a.
     """
-    parameters, profile = fit.patches.parameters[number], int(fit.patches.profile[number])
+    parameters, profile = read_only_view(fit.patches.parameters)[number], int(fit.patches.profile[number])
     root = np.array([[parameters[ROOT_XX], 0.0], [parameters[ROOT_YX], parameters[ROOT_YY]]])
     rings = np.concatenate([_RING_ROOTS[profile] * _RING, _STICKING_ROOTS[profile] * _RING[1:]])
     node, value = _basis(model, parameters[:2] + rings @ root.T)
@@ -368,7 +368,7 @@ def _unresolved_depth(model: BondedPadModel, parameters: np.ndarray, profile: in
 
 def _noise_px(fit: PadFit) -> float:
     """Median standard deviation of the marker images of a frame."""
-    is_used = fit.weight > 0.0
+    is_used = read_only_view(fit.weight > 0.0)
     return float(1.0 / np.sqrt(median_where(fit.weight, is_used))) if is_used.any() else np.nan
 
 

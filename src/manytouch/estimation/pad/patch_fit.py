@@ -39,7 +39,7 @@ from manytouch.estimation.pad.patch_slopes import PatchPad
 from manytouch.estimation.pad.patch_steps import Common, Limits, Measured, Problem, Work, iterate
 from manytouch.estimation.pad.patches import Patches
 from manytouch.geometry.spline.patch import Nodal
-from manytouch.values.arrays import Points3, Scalars
+from manytouch.values.arrays import Points3, Scalars, read_only_view
 
 _FITTED = 2
 """Parameters of the pad that are fitted: the first two. The depth of the markers looks like the shape of a
@@ -120,7 +120,8 @@ def misfit_scale(fit: PadFit) -> float:
 def tractions(model: BondedPadModel, patches: Patches) -> Float64[np.ndarray, "nx ny 3"]:
     """Nodal forces over E of patches."""
     spread, nodal = np.zeros((2, DISTRIBUTION_COUNT, model.grid.count_x + 3, model.grid.count_y + 3))
-    for parameters, profile in zip(patches.parameters, patches.profile.tolist(), strict=True):
+    every = read_only_view(patches.parameters)
+    for parameters, profile in zip(every, patches.profile.tolist(), strict=True):
         add_tractions(parameters, profile, model.grid, density(parameters, model.grid), spread, nodal)
     return np.moveaxis(nodal, 0, -1)
 
@@ -175,8 +176,10 @@ class PatchFitter:
         if not is_sheet_known and count > 0:
             sheet = np.stack(
                 [
-                    _by_sheet(model, parameters[:SHAPE], profile)
-                    for parameters, profile in zip(patches.parameters, patches.profile.tolist(), strict=True)
+                    _by_sheet(model, shape, profile)
+                    for shape, profile in zip(
+                        read_only_view(patches.parameters)[:, :SHAPE], patches.profile.tolist(), strict=True
+                    )
                 ]
             )
         common = Common(motion=model.motion, sheet=sheet, std=self._common_std(parameters))
@@ -244,7 +247,7 @@ class PatchFitter:
         nodal = np.zeros((count, DISTRIBUTION_COUNT, grid.count_x + 3, grid.count_y + 3))
         scale_mm2, arms = np.empty(count), np.empty((count, 3))
         column = np.zeros((count, LOAD_COUNT, 2 * len(model.rest_px)))
-        for number, shape in enumerate(shapes):
+        for number, shape in enumerate(read_only_view(shapes)):
             add_pressure(shape, grid, _points(model, shape, profile), nodal[number])
             add_layer_images(shape, int(profile), model.table, model.markers, column[number])
             scale_mm2[number], arms[number] = moment_trace(shape), radial_arms(shape)

@@ -6,7 +6,7 @@ import numpy as np
 
 from manytouch.geometry.neighbours import Neighbours
 from manytouch.values import TrackedGrid
-from manytouch.values.arrays import Scalars, read_only
+from manytouch.values.arrays import Scalars, read_only, read_only_view
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -53,7 +53,8 @@ class DotAreaChange:
             return None
         from manytouch.estimation.kernels import median_where
 
-        variance_px2 = median_where(grid.covariance_px2[:, 0, 0], grid.is_seen)
+        along_x_px2 = read_only_view(np.ascontiguousarray(grid.covariance_px2[:, 0, 0]))
+        variance_px2 = median_where(along_x_px2, grid.is_seen)
         return float(np.sqrt(2.0 * np.pi * variance_px2 / median_where(grid.area_px2, grid.is_seen)))
 
     def updated_rest(self, grid: TrackedGrid, rest_log_area: Scalars, frames_before: int) -> Scalars:

@@ -19,6 +19,7 @@ from manytouch.compilation import kernel, no_type_check
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.shell.kernels import Elements, Stiffness, squared_cosine
 from manytouch.mechanics.shell.material import stress
+from manytouch.values.arrays import read_only_view
 
 A10, A11, A12, A20, A21, A22, K1, K2, K3, L1, L2 = range(11)
 """Strains of a group of points. A12 and A22 are those of b."""
@@ -96,7 +97,7 @@ class ForceProducts:
         slow, fast = self.shape
         result = np.empty((slow, fast, 3))
         nodal = np.ascontiguousarray(coefficient_mm).reshape(slow, fast, 3)
-        add_rows(nodal, self.tables, stiffness, result)
+        add_rows(read_only_view(nodal), self.tables, stiffness, result)
         return result.reshape(-1, 3)
 
 

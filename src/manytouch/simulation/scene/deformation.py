@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from manytouch.compilation import kernel, no_type_check
-from manytouch.values.arrays import Points2, Points3, read_only
+from manytouch.values.arrays import Points2, Points3, read_only, read_only_view
 
 ROW_BEFORE_REGIONS = 8
 """Numbers of a contact in files without regions."""
@@ -130,7 +130,8 @@ class Deformation:
 
     def _sampled(self, place_mm: Points2, gradient: np.ndarray) -> Points3:
         found_mm = np.empty((len(place_mm), 3))
-        _sample(self.x_mm, self.y_mm, self.face_mm, np.ascontiguousarray(place_mm), found_mm, gradient)
+        place_mm = read_only_view(np.ascontiguousarray(place_mm))
+        _sample(self.x_mm, self.y_mm, self.face_mm, place_mm, found_mm, gradient)
         return found_mm
 
 
