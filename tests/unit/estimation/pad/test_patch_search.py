@@ -195,9 +195,9 @@ def test_a_punch_that_sticks_is_as_deep_as_it_is(number: int) -> None:
     sensor = exact_sensor(true_pad(case, width_px=320, centre_noise_px=0.02))
     markers, _ = pad_states(case)[number]
     position_px = _seen_px(sensor, markers)
-    start = LONGER.start(sensor)
+    start = ESTIMATE.start(sensor)
     for seed in range(3):
-        after, _, contacts = LONGER.step(start, grid_at(position_px, noise_px=0.02, seed=seed))
+        after, _, contacts = ESTIMATE.step(start, grid_at(position_px, noise_px=0.02, seed=seed))
         (found,) = contacts.touching
         assert list(after.patches.profile) == [Profile.FLAT]
         assert found.depth_mm == pytest.approx(markers.contacts[0].depth_mm, rel=0.2)
