@@ -9,15 +9,11 @@ from jaxtyping import Float64, Int64
 from manytouch.geometry.camera import view_of
 from manytouch.geometry.spline.patch import Nodal, PointBasis, PointWindow, SplinePatch
 from manytouch.mechanics.markers import kernels as marker_kernels
+from manytouch.mechanics.markers.discs import DiscPlaces, centroids, disc_places
 from manytouch.mechanics.markers.projection import CameraModel, camera_model
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Camera
 from manytouch.values.arrays import Mask, read_only_view
-
-OUTLINE_POINTS = 8
-"""The polygon with this radius has the second moments of the unit disc (1.0231)."""
-
-_Discs = tuple[marker_kernels.Places, marker_kernels.Places, Float64[np.ndarray, "m k 3"]]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -131,12 +127,12 @@ class MarkerImages:
     def _centroid_px(self, coefficient_mm: Nodal) -> Float64[np.ndarray, "m 2"]:
         out = np.empty((len(self.rest_mm), 2))
         spline, layer = _spline_field(self.shell.patch, coefficient_mm), _layer(self.shell, self.height_mm)
-        if len(self._cameras) == 1:
-            marker_kernels.centroids(spline, *self._outlines, layer, self._cameras[0], out)
-            return out
-        for camera, chosen, discs in zip(self._cameras, self.of_views, self._outlines_of_views, strict=True):
+        for camera, chosen, discs in zip(self._cameras, self.of_views, self._discs, strict=True):
+            if len(self._cameras) == 1:
+                centroids(spline, discs, layer, camera, out)
+                break
             part = np.empty((int(chosen.sum()), 2))
-            marker_kernels.centroids(spline, *discs, layer, camera, part)
+            centroids(spline, discs, layer, camera, part)
             out[chosen] = part
         return out
 
@@ -146,31 +142,10 @@ class MarkerImages:
         return tuple(camera_model(view.in_frame) for view in views) or (camera_model(self.camera),)
 
     @cached_property
-    def _outlines_of_views(self) -> tuple[_Discs, ...]:
-        centres, outlines, outline_mm = self._outlines
-        return tuple(
-            (
-                marker_kernels.Places(*(part[chosen] for part in centres)),
-                marker_kernels.Places(*(part[chosen] for part in outlines)),
-                outline_mm[chosen],
-            )
-            for chosen in self.of_views
-        )
-
-    @cached_property
-    def _outlines(self) -> _Discs:
-        """Centres and outlines of the markers, and the outlines in the sheet frame."""
-        angle = 2.0 * np.pi / OUTLINE_POINTS * np.arange(OUTLINE_POINTS)
-        circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(OUTLINE_POINTS)])
-        outline_mm = self.rest_mm[:, None] + self.radius_mm[:, None, None] * circle
-        patch, shape = self.shell.patch, outline_mm.shape[:2]
-        around = patch.window(outline_mm[..., :2].reshape(-1, 2))
-        outlines = marker_kernels.Places(
-            around.first.reshape(*shape, 2),
-            around.plane.reshape(*shape, 2, 4, 4),
-            around.bending.reshape(*shape, 2, 4, 4),
-        )
-        return _places(patch.window(self.face.point_mm)), outlines, outline_mm
+    def _discs(self) -> tuple[DiscPlaces, ...]:
+        """The markers of each camera."""
+        discs = disc_places(self.shell.patch, self.rest_mm, self.radius_mm)
+        return (discs,) if len(self._cameras) == 1 else tuple(discs.of(chosen) for chosen in self.of_views)
 
     @cached_property
     def _rest_px(self) -> Float64[np.ndarray, "m 2"]:

@@ -1,4 +1,4 @@
-"""Displacements of marker images by the shape of the sheet, and their derivatives, compiled.
+"""Displacements of points of the sheet, and derivatives of these and of their images, compiled.
 
 Derivation: docs/derivations/mechanics.md, "Markers".
 """
@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from manytouch.compilation import kernel, no_type_check
-from manytouch.mechanics.markers.projection import CameraModel, pixel, pixel_derivative
+from manytouch.mechanics.markers.projection import CameraModel, pixel_derivative
 
 MIN_THICKNESS_RATIO, MAX_THICKNESS_RATIO = 0.5, 1.3
 """Bounds of the thickness over that at rest, far beyond any press."""
@@ -131,7 +131,7 @@ def surface_frame(
 
 @kernel(fastmath=True)
 @no_type_check
-def _tilt(
+def tilt_at(
     spline: SplineField, first: Int64[np.ndarray, "2"], bending: Float64[np.ndarray, "2 4 4"], tilt: float
 ) -> tuple[float, float]:
     """Slopes along x and y on which fibres stand, minus those of b: -tilt grad lap b."""
@@ -207,74 +207,8 @@ def face_displacement(
     frames = Frames(np.empty((3, 3)), np.empty(3))
     for k in range(len(out)):
         first, plane, bending = places.first[k], places.plane[k], places.bending[k]
-        tilt = _tilt(spline, first, bending, layer.tilt)
+        tilt = tilt_at(spline, first, bending, layer.tilt)
         _displace(spline, first, plane, bending, tilt, layer, frames, out[k])
-
-
-@kernel(fastmath=True)
-@no_type_check
-def centroids(
-    spline: SplineField,
-    centres: Places,
-    outlines: Places,
-    outline_mm: Float64[np.ndarray, "m k 3"],
-    layer: Layer,
-    camera: CameraModel,
-    out: Float64[np.ndarray, "m 2"],
-) -> None:
-    """Pixels of the centroids of the images of m deformed discs, into `out`.
-
-    The outline of an image is a trigonometric polynomial through the images of k points, so that its area
-    and its moments are sums over these points (L. N. Trefethen 2000, doi:10.1137/1.9780898719598, chapter 3).
-
-    Args:
-        spline: displacement of the sheet.
-        centres: of the discs. Fibres of a disc have the tilt of its centre, because third derivatives of the
-            spline are discontinuous between elements.
-        outlines: (m, k) points of the outlines.
-        outline_mm: the same at rest, sheet frame.
-        layer: the discs are on it.
-        camera: in front of the sheet.
-        out: result.
-    """
-    frames = Frames(np.empty((3, 3)), np.empty(3))
-    moved = np.empty(3)
-    count = outline_mm.shape[1]
-    u, v, weight = np.empty(count), np.empty(count), np.empty(count)
-    for n in range(1, count):  # of the derivative of a trigonometric polynomial
-        weight[n] = 0.5 * (-1.0) ** (n + 1) / math.tan(math.pi * n / count)
-    for i in range(len(out)):
-        tilt = _tilt(spline, centres.first[i], centres.bending[i], layer.tilt)
-        for k in range(count):
-            _displace(
-                spline,
-                outlines.first[i, k],
-                outlines.plane[i, k],
-                outlines.bending[i, k],
-                tilt,
-                layer,
-                frames,
-                moved,
-            )
-            u[k], v[k] = pixel(
-                camera,
-                outline_mm[i, k, 0] + moved[0],
-                outline_mm[i, k, 1] + moved[1],
-                outline_mm[i, k, 2] + moved[2],
-            )
-        area = up = right = 0.0
-        for k in range(count):
-            du = dv = 0.0
-            for n in range(1, (count + 1) // 2):
-                ahead, behind = (k + n) % count, k - n
-                du += weight[n] * (u[ahead] - u[behind])
-                dv += weight[n] * (v[ahead] - v[behind])
-            x, y = u[k] - u[0], v[k] - v[0]
-            area += x * dv - y * du
-            right += x * x * dv
-            up -= y * y * du
-        out[i, 0] = u[0] + right / area
-        out[i, 1] = v[0] + up / area
 
 
 @kernel(fastmath=True)
@@ -326,7 +260,7 @@ def face_derivatives(
         slow, fast = places.plane[k, 0], places.plane[k, 1]
         bend_slow, bend_fast = places.bending[k, 0], places.bending[k, 1]
         surface_frame(spline, places.first[k], places.plane[k], places.bending[k], shear, frame)
-        tilt_x, tilt_y = _tilt(spline, places.first[k], places.bending[k], layer.tilt)
+        tilt_x, tilt_y = tilt_at(spline, places.first[k], places.bending[k], layer.tilt)
         frame[1, 2] += tilt_x
         frame[2, 2] += tilt_y
         lever, varies = _lever(frame, layer)

@@ -67,6 +67,20 @@ def _in_camera(camera: CameraModel, x: float, y: float, z: float) -> tuple[float
     return px * inverse, py * inverse, inverse
 
 
+@kernel(inline="always")
+@no_type_check
+def _distorted(  # noqa: PLR0917
+    k1: float, k2: float, p1: float, p2: float, k3: float, a: float, b: float
+) -> tuple[float, float]:
+    """Normalised coordinates after the distortion of a lens that is no fisheye."""
+    r2 = a * a + b * b
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    return (
+        a * radial + 2.0 * p1 * a * b + p2 * (r2 + 2.0 * a * a),
+        b * radial + p1 * (r2 + 2.0 * b * b) + 2.0 * p2 * a * b,
+    )
+
+
 @kernel()
 @no_type_check
 def pixel(camera: CameraModel, x: float, y: float, z: float) -> tuple[float, float]:
@@ -74,19 +88,45 @@ def pixel(camera: CameraModel, x: float, y: float, z: float) -> tuple[float, flo
     a, b, _ = _in_camera(camera, x, y, z)
     d = camera.distortion
     k1, k2, p1, p2, k3 = d[0], d[1], d[2], d[3], d[4]
-    r2 = a * a + b * b
     if camera.is_fisheye:
-        r = math.sqrt(r2)
+        r = math.sqrt(a * a + b * b)
         factor = 1.0
         if r > _ON_AXIS:
             angle = math.atan(r)
             t = angle * angle
             factor = angle * (1.0 + t * (k1 + t * (k2 + t * (p1 + t * p2)))) / r
         return camera.fx * factor * a + camera.cx, camera.fy * factor * b + camera.cy
-    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    u = a * radial + 2.0 * p1 * a * b + p2 * (r2 + 2.0 * a * a)
-    v = b * radial + p1 * (r2 + 2.0 * b * b) + 2.0 * p2 * a * b
+    u, v = _distorted(k1, k2, p1, p2, k3, a, b)
     return camera.fx * u + camera.cx, camera.fy * v + camera.cy
+
+
+@kernel(fastmath=True)
+@no_type_check
+def pixels(
+    points: int,
+    camera: CameraModel,
+    place: Float64[np.ndarray, " n"],
+    u: Float64[np.ndarray, " k"],
+    v: Float64[np.ndarray, " k"],
+) -> None:
+    """`pixel` of several points of the sheet frame (x of all, then y, then z), into `u` and `v`."""
+    if camera.is_fisheye:
+        for n in range(points):
+            u[n], v[n] = pixel(camera, place[n], place[points + n], place[2 * points + n])
+        return
+    r, t, d = camera.rotation, camera.translation, camera.distortion
+    r00, r01, r02, t0 = r[0, 0], r[0, 1], r[0, 2], t[0]
+    r10, r11, r12, t1 = r[1, 0], r[1, 1], r[1, 2], t[1]
+    r20, r21, r22, t2 = r[2, 0], r[2, 1], r[2, 2], t[2]
+    k1, k2, p1, p2, k3 = d[0], d[1], d[2], d[3], d[4]
+    fx, fy, cx, cy = camera.fx, camera.fy, camera.cx, camera.cy
+    for n in range(points):  # without branches and array elements of the camera, for SIMD
+        x, y, z = place[n], place[points + n], place[2 * points + n]
+        inverse = 1.0 / max(r20 * x + r21 * y + r22 * z + t2, _MIN_DISTANCE_MM)
+        a = (r00 * x + r01 * y + r02 * z + t0) * inverse
+        b = (r10 * x + r11 * y + r12 * z + t1) * inverse
+        p, q = _distorted(k1, k2, p1, p2, k3, a, b)
+        u[n], v[n] = fx * p + cx, fy * q + cy
 
 
 @kernel()
