@@ -19,6 +19,7 @@ from manytouch.session.commands.continuation import (
     kept,
     resumed_estimation,
     resumed_tracking,
+    until_setup,
 )
 from manytouch.session.commands.tare import TareCollector
 from manytouch.session.commands.touched_tares import TouchedTares
@@ -232,7 +233,7 @@ class Live:
                 begin = resumed_estimation(setup.pipeline, begin, before.pipeline, state.value)
             else:
                 renumber.begin()
-            frames = _until_setup(stream, following)
+            frames = until_setup(stream, following)
             readings = setup.pipeline.estimate_readings(frames, setup.sensor, begin)
             for reading in kept(readings, state.keep):
                 self._touched_tares.add(reading)
@@ -256,9 +257,14 @@ class Live:
             before = setup
 
     def _frames(self, setup: Setup) -> Iterator[Frame]:
-        """Frames, until another setup is wanted."""
+        """Frames, until another setup is wanted.
+
+        A frame that a press changes is made when it is due, so that it shows presses up to then.
+        """
         is_live = self._job.source.is_live
         while not self._is_over.is_set():
+            if self._job.source.capabilities.press is not None and not is_live and not self._is_held:
+                self._pace.wait_for_next(self._job.source.fps, self._is_over.is_set)
             self._commands.drain(self._carry_out)
             self._use_prepared_setup()
             if self._wanted is not setup:
@@ -389,12 +395,3 @@ class Live:
         self._wanted, self._is_changed = setup, True
         self._recorder.describe(setup.sensor, setup.pipeline, setup.method)
         self._commands.note(setup.note)
-
-
-def _until_setup(stream: Iterator[Setup | TrackedFrame], following: list[Setup]) -> Iterator[TrackedFrame]:
-    """Tracked frames up to the next setup, which is appended to `following`."""
-    for item in stream:
-        if isinstance(item, Setup):
-            following.append(item)
-            return
-        yield item

@@ -17,6 +17,7 @@ class Pace:
         self.speed = speed
         self._begin_s: float | None = None
         self._first_ns = 0
+        self._latest_ns: int | None = None
 
     def begin(self, at_ns: int) -> None:
         """Timestamp 0 is due at a time of the monotonic clock."""
@@ -30,6 +31,15 @@ class Pace:
         """Sleep until a frame of this timestamp is due, or `is_over` returns True."""
         if self._begin_s is None:
             self._begin_s, self._first_ns = time.monotonic(), timestamp_ns
-        due_s = self._begin_s + (timestamp_ns - self._first_ns) * 1e-9 / self.speed
+        self._latest_ns = timestamp_ns
+        self._sleep_until(self._begin_s, timestamp_ns, is_over)
+
+    def wait_for_next(self, fps: float | None, is_over: Callable[[], bool]) -> None:
+        """Sleep until the frame after the latest one is due at this rate; the first one is due at once."""
+        if self._begin_s is not None and self._latest_ns is not None and fps is not None:
+            self._sleep_until(self._begin_s, self._latest_ns + round(1e9 / fps), is_over)
+
+    def _sleep_until(self, begin_s: float, timestamp_ns: int, is_over: Callable[[], bool]) -> None:
+        due_s = begin_s + (timestamp_ns - self._first_ns) * 1e-9 / self.speed
         while (wait_s := due_s - time.monotonic()) > 0 and not is_over():
             time.sleep(min(wait_s, LONGEST_SLEEP_S))

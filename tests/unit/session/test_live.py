@@ -27,6 +27,7 @@ from manytouch.session import Live, ResultFiles, pipeline_for, prepare, run
 from manytouch.session.methods import parameters_of
 from manytouch.session.prepare import Job
 from manytouch.sinks.latest_only import LatestOnly
+from manytouch.sources import Capabilities
 from manytouch.sources.cameras.camera import CameraSource
 from manytouch.sources.cameras.capture import CameraRequest, open_camera
 from manytouch.values import (
@@ -421,6 +422,26 @@ def test_fingers_reach_a_source_that_can_be_pressed() -> None:
     live, _ = run_live(source, at_2=finger, at_4=Release(finger=1))
     assert source.pressed == [finger, Release(finger=1)]
     assert live.health().can_press
+
+
+def test_a_press_is_in_the_next_frame_that_is_due() -> None:
+    """A frame that presses change is made when it is due, not while the session waits for that time."""
+
+    class Pressed(DrawnSource):
+        def press(self, command: Press | Release) -> None:
+            made.append(len(self.taken))
+
+        @property
+        def capabilities(self) -> Capabilities:
+            return Capabilities(press=self.press)
+
+    made: list[int] = []
+    source = Pressed(frames=7, fps=4.0, is_touched=False)
+    job = prepare(source)
+    source.taken.clear()
+    live = Live(replace(job, frames=iter(source)))  # as if none had been read for the sensor
+    run(live, [Seen(live, at_5=Release(finger=1))])
+    assert made == [5]
 
 
 def test_a_file_waits_while_held_and_goes_on() -> None:

@@ -47,3 +47,18 @@ def test_after_a_reset_the_next_frame_is_due_at_once(clock: list[float]) -> None
     times(pace, clock, [0, 1])
     pace.reset()
     assert times(pace, clock, [500, 501]) == pytest.approx([100.04, 100.08])
+
+
+def test_the_next_frame_is_due_one_period_after_the_latest_one(clock: list[float]) -> None:
+    pace = Pace()
+    pace.wait_for_next(25.0, lambda: False)
+    assert clock[0] == 100.0, "the first frame is due at once"
+    times(pace, clock, [3])
+    for _ in range(2):  # however often it is asked for
+        pace.wait_for_next(25.0, lambda: False)
+        assert clock[0] == pytest.approx(100.04)
+    assert times(pace, clock, [4, 5]) == pytest.approx([100.04, 100.08])
+    pace.wait_for_next(None, lambda: False)
+    pace.reset()
+    pace.wait_for_next(25.0, lambda: False)
+    assert clock[0] == pytest.approx(100.08), "without a rate, and after a pause, it is due at once"

@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 from manytouch.estimation.contact_tracker import with_tracks_of
 from manytouch.geometry.views.view_sensors import view_sensors
-from manytouch.pipeline import FrontState, Pipeline
+from manytouch.pipeline import FrontState, Pipeline, TrackedFrame
 from manytouch.session.commands.tare import TareTime
 from manytouch.values import Sensor
 
@@ -54,6 +54,15 @@ class Kept:
 def kept(stream: Generator[Item, None, State], keep: Callable[[State], object]) -> Iterator[Item]:
     """The items of a stream; its state after the last one is passed to `keep`."""
     keep((yield from stream))
+
+
+def until_setup(stream: Iterator[Setup | TrackedFrame], following: list[Setup]) -> Iterator[TrackedFrame]:
+    """Tracked frames up to the next setup, which is appended to `following`."""
+    for item in stream:
+        if isinstance(item, Setup):
+            following.append(item)
+            return
+        yield item
 
 
 def resumed_tracking(
