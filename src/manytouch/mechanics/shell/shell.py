@@ -142,10 +142,12 @@ class Shell:
         """Memory for a tangent, whose precision is that of all matrix operations on it."""
         return np.zeros((self.patch.node_count, 3, 3, tangent_kernels.ROW, tangent_kernels.STRIP), precision)
 
-    def product(self, tangent: np.ndarray, nodal: Nodal) -> Nodal:
-        """Tangent times a vector."""
+    def products(
+        self, tangent: np.ndarray, nodal: Float64[np.ndarray, "k nodes 3"]
+    ) -> Float64[np.ndarray, "k nodes 3"]:
+        """Tangent times k vectors."""
         result = np.empty_like(nodal)
-        tangent_kernels.product(tangent, self.patch.shape, np.ascontiguousarray(nodal), result)
+        tangent_kernels.products(tangent, self.patch.shape, np.ascontiguousarray(nodal), result)
         return result
 
     def _add_boundary_forces(self, coefficient_mm: Nodal, force: Nodal) -> None:

@@ -8,11 +8,12 @@ numbers is padding.
 import numpy as np
 from jaxtyping import Bool, Float, Float64
 
-from manytouch.compilation import kernel, no_type_check
+from manytouch.compilation import kernel, no_type_check, u64
 
 REACH = 3  # nodes that share an element are at most this far apart along each axis
 ROW = 2 * REACH + 1
 STRIP = 8  # numbers stored per row of 7 nodes; a power of 2 suits SIMD
+BLOCK = 3 * ROW * STRIP  # numbers stored per component of a force
 
 Coefficients = Float64[np.ndarray, "nodes 3"]
 Tangent = Float[np.ndarray, "nodes 3 3 7 8"]
@@ -60,24 +61,42 @@ def fix(
 
 @kernel(fastmath=True)
 @no_type_check
-def product(tangent: Tangent, shape: tuple[int, int], vector: Coefficients, result: Coefficients) -> None:
-    """Tangent times a vector, into `result`; entries of nodes outside the grid must be 0."""
+def products(
+    tangent: Tangent,
+    shape: tuple[int, int],
+    vectors: Float64[np.ndarray, "k nodes 3"],
+    results: Float64[np.ndarray, "k nodes 3"],
+) -> None:
+    """Tangent times k vectors, into `results`; entries of nodes outside the grid must be 0.
+
+    What is near a node is copied, so that each component is one scalar product of arrays without gaps.
+    """
+    count, nodes = vectors.shape[:2]
     width = shape[1] + STRIP
-    padded = np.zeros((3, (shape[0] + 2 * REACH) * width))  # x, y and z apart, with nodes around the grid
-    for node in range(len(vector)):
-        at = (node // shape[1] + REACH) * width + node % shape[1] + REACH
-        for j in range(3):
-            padded[j, at] = vector[node, j]
-    strip = np.empty(STRIP)
-    for node in range(len(vector)):
-        first = node // shape[1] * width + node % shape[1]
-        for i in range(3):
-            strip[:] = 0.0
+    size = (shape[0] + 2 * REACH) * width
+    padded = np.zeros((count, 3 * size))  # x, y and z apart, with nodes around the grid
+    for k in range(count):
+        for node in range(nodes):
+            at = (node // shape[1] + REACH) * width + node % shape[1] + REACH
+            for j in range(3):
+                padded[k, j * size + at] = vectors[k, node, j]
+    entries, near = tangent.ravel(), np.empty(BLOCK)
+    for node in range(nodes):
+        first, begin = node // shape[1] * width + node % shape[1], u64(3 * node * BLOCK)
+        for k in range(count):
+            vector = padded[k]
             for j in range(3):
                 for a in range(ROW):
+                    to, at = u64((j * ROW + a) * STRIP), u64(j * size + first + a * width)
                     for b in range(STRIP):
-                        strip[b] += tangent[node, i, j, a, b] * padded[j, first + a * width + b]
-            result[node, i] = strip.sum()
+                        near[to + u64(b)] = vector[at + u64(b)]
+            x = y = z = 0.0
+            for n in range(BLOCK):
+                value = near[u64(n)]
+                x += entries[begin + u64(n)] * value
+                y += entries[begin + u64(BLOCK + n)] * value
+                z += entries[begin + u64(2 * BLOCK + n)] * value
+            results[k, node, 0], results[k, node, 1], results[k, node, 2] = x, y, z
 
 
 @kernel(fastmath=True)

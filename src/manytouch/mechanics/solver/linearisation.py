@@ -46,7 +46,11 @@ class Linearisation:
 
     def force_change(self, change_mm: Nodal) -> Nodal:
         """First-order change of the forces over E (mm^2) for a change of the coefficients."""
-        return self.shell.product(self.tangent, change_mm)
+        return np.asarray(self.force_changes(change_mm[None])[0])
+
+    def force_changes(self, change_mm: Float64[np.ndarray, "k nodes 3"]) -> Float64[np.ndarray, "k nodes 3"]:
+        """The same for each of several changes."""
+        return self.shell.products(self.tangent, change_mm)
 
     def balance_change(self, change_mm: Nodal) -> Nodal:
         """First-order change of `balance` for a change of the coefficients."""
@@ -82,7 +86,7 @@ class Linearisation:
         return rows
 
     def tangential_gradient(self, weighted: Float64[np.ndarray, " nodes"], component: int) -> Nodal:
-        """`balance_gradient` of one tangential component (nodes,), fast where few nodes are not 0."""
+        """`balance_gradients` of one tangential component (nodes,), fast where few nodes are not 0."""
         patch, gradient = self.shell.patch, np.zeros((len(weighted), 3))
         share = np.where(patch.is_free[:, component], weighted, 0.0)
         couple = np.zeros((len(weighted), 2))
@@ -93,16 +97,19 @@ class Linearisation:
         gradient[~patch.is_free] = 0.0
         return gradient
 
-    def balance_gradient(self, weighted_balance: Nodal) -> Nodal:
-        """Half the gradient of sum weight (T f)^2, for (nodes, 3) weight times T f; 0 if not free."""
+    def balance_gradients(
+        self, weighted_balance: Float64[np.ndarray, "k nodes 3"]
+    ) -> Float64[np.ndarray, "k nodes 3"]:
+        """Half the gradients of k sums of weight (T f)^2, for weight times T f; 0 if not free."""
         patch = self.shell.patch
         weighted = np.where(patch.is_free, weighted_balance, 0.0)
         across = weighted.copy()
-        across[:, 2] += (self.slope * weighted[:, :2]).sum(axis=1)
-        gradient = self.shell.product(self.tangent, across)
-        gradient[:, 2] += patch.slope_moments(self.force[:, 2:] * weighted[:, :2])
-        gradient[~patch.is_free] = 0.0
-        return gradient
+        across[:, :, 2] += (self.slope * weighted[:, :, :2]).sum(axis=2)
+        gradients = self.shell.products(self.tangent, across)
+        for gradient, each in zip(gradients, weighted, strict=True):
+            gradient[:, 2] += patch.slope_moments(self.force[:, 2:] * each[:, :2])
+        gradients[:, ~patch.is_free] = 0.0
+        return gradients
 
     def gradient(
         self,
@@ -117,13 +124,24 @@ class Linearisation:
             information_per_px2: (m, 2, 2) W.
             weighted_balance: (nodes, 3) weight times T f.
         """
+        gradients = self.gradients(residual_px[None], information_per_px2, weighted_balance[None])
+        return np.asarray(gradients[0])
+
+    def gradients(
+        self,
+        residual_px: Float64[np.ndarray, "k m 2"],
+        information_per_px2: Float64[np.ndarray, "m 2 2"],
+        weighted_balance: Float64[np.ndarray, "k nodes 3"],
+    ) -> Float64[np.ndarray, "k nodes 3"]:
+        """The same for each of several residuals and forces."""
         patch = self.shell.patch
         is_unused = information_per_px2[:, [0, 1], [0, 1]] == 0.0
-        pull = np.einsum("mij,mj->mi", information_per_px2, np.where(is_unused, 0.0, residual_px))
-        spread = np.einsum("mi,mika->mka", pull, self.derivative)
-        gradient = self.balance_gradient(weighted_balance)
+        gradients = self.balance_gradients(weighted_balance)
         count, node = patch.node_count, self.dots.tips.basis.node.ravel()
-        for axis in range(3):
-            gradient[:, axis] += np.bincount(node, spread[:, :, axis].ravel(), minlength=count)
-        gradient[~patch.is_free] = 0.0
-        return gradient
+        for gradient, each in zip(gradients, residual_px, strict=True):
+            pull = np.einsum("mij,mj->mi", information_per_px2, np.where(is_unused, 0.0, each))
+            spread = np.einsum("mi,mika->mka", pull, self.derivative)
+            for axis in range(3):
+                gradient[:, axis] += np.bincount(node, spread[:, :, axis].ravel(), minlength=count)
+        gradients[:, ~patch.is_free] = 0.0
+        return gradients

@@ -124,7 +124,8 @@ def test_the_tangent_of_a_deep_shape(shell: Shell) -> None:
     shell.forces_and_tangent(dent, force, tangent)
     np.testing.assert_allclose(force, shell.forces(dent), atol=1e-11)
     change = (shell.forces(dent + H * way) - shell.forces(dent - H * way)) / (2 * H)
-    np.testing.assert_allclose(shell.product(tangent, way), change, atol=1e-7 * np.abs(change).max())
+    _, found = shell.products(tangent, np.stack([force, way]))
+    np.testing.assert_allclose(found, change, atol=1e-7 * np.abs(change).max())
 
 
 def test_forces_are_the_derivative_of_the_energy(shell: Shell, bent_mm: np.ndarray) -> None:
@@ -139,7 +140,8 @@ def test_the_tangent_is_the_derivative_of_the_forces(shell: Shell, bent_mm: np.n
     shell.forces_and_tangent(bent_mm, force, tangent)
     np.testing.assert_allclose(force, shell.forces(bent_mm), atol=1e-12)
     change = (shell.forces(bent_mm + H * way) - shell.forces(bent_mm - H * way)) / (2 * H)
-    np.testing.assert_allclose(shell.product(tangent, way), change, atol=1e-7 * np.abs(change).max())
+    _, found = shell.products(tangent, np.stack([force, way]))
+    np.testing.assert_allclose(found, change, atol=1e-7 * np.abs(change).max())
 
 
 def test_nothing_acts_at_rest(shell: Shell) -> None:
@@ -302,7 +304,7 @@ def wave_response(shell: Shell, wave_per_mm: float) -> tuple[float, float]:
     wave[:, 2] = fitted[np.searchsorted(greville, x - 1e-6)]
     tangent = shell.empty_tangent()
     shell.forces_and_tangent(np.zeros_like(wave), np.empty_like(wave), tangent)
-    reply = shell.product(tangent, wave)[:, 2]
+    reply = shell.products(tangent, wave[None])[0][:, 2]
     point_mm, area_mm2 = gauss_points(patch)
     per_load = patch.load(point_mm, np.outer(area_mm2 * np.cos(k * point_mm[:, 0]), [0.0, 0.0, 1.0]))[:, 2]
     inner = np.all(np.abs(patch.place_mm) < 0.25 * np.array(patch.size_mm), axis=1)

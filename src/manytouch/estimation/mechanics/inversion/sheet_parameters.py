@@ -315,19 +315,11 @@ def parameter_response(
         stds.append(variant.std_over_step)
         outline_stds.append(variant.outline_std_over_step)
     balances = [balance(model, coefficient_mm, each) for each in force_changes]
-    gradients = np.stack(
-        [
-            linearisation.gradient(images, posterior.information, weight * forces)
-            for images, forces in zip(image_changes, balances, strict=True)
-        ]
+    gradients = linearisation.gradients(
+        np.stack(image_changes), posterior.information, weight * np.stack(balances)
     )
     solved = posterior.solve(gradients)
-    by_step = np.stack(
-        [
-            forces - linearisation.force_change(change)
-            for forces, change in zip(force_changes, solved, strict=True)
-        ]
-    )
+    by_step = np.stack(force_changes) - linearisation.force_changes(solved)
     node = model.dots.tips.basis.node
     std = np.array(stds)[:, None, None]
     return ParameterResponse(
