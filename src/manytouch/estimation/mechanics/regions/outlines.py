@@ -55,7 +55,8 @@ def region_of(point_mm: Points2, std_mm: float) -> tuple[float, tuple[Float64[np
         std_mm: of the smoothing.
     """
     reach_mm = np.abs(point_mm).max(axis=0) + _REACH * std_mm
-    density = _density(point_mm, reach_mm, std_mm)
+    along_x, along_y = _bells(point_mm, reach_mm, std_mm)
+    density = along_x.T @ along_y
     falling = np.sort(density.ravel())[::-1]
     carried = np.cumsum(falling)
     threshold = float(falling[np.searchsorted(carried, SHARE * carried[-1])])
@@ -71,12 +72,13 @@ def region_of(point_mm: Points2, std_mm: float) -> tuple[float, tuple[Float64[np
 
 @kernel(fastmath=True)
 @no_type_check
-def _density(
+def _bells(
     point_mm: Points2, reach_mm: Float64[np.ndarray, "2"], std_mm: float
-) -> Float64[np.ndarray, "g g"]:
-    """(45, 45) sum of Gaussians around points, without their factor, on a grid of half size `reach_mm`.
+) -> Float64[np.ndarray, "2 k g"]:
+    """(2, k, 45) Gaussians around points along both axes, without their factor.
 
-    Along one axis the ratio of a Gaussian at adjacent places changes by one factor.
+    They are those at the places of a grid of half size `reach_mm`. The ratio of a Gaussian at adjacent places
+    changes by one factor.
     """
     bells = np.empty((2, len(point_mm), _GRID))
     for axis in range(2):
@@ -94,12 +96,7 @@ def _density(
                     value *= ratio
                     ratio *= factor
                     bell[g] = value
-    density = np.zeros((_GRID, _GRID))
-    for k in range(len(point_mm)):
-        for i in range(_GRID):
-            for j in range(_GRID):
-                density[i, j] += bells[0, k, i] * bells[1, k, j]
-    return density
+    return bells
 
 
 @kernel()
