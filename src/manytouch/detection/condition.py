@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from manytouch.medians import median
 from manytouch.values import Detections, Status
 from manytouch.values.arrays import Scalars
 
@@ -49,8 +50,8 @@ def describe_reference(image: np.ndarray, found: Detections, edge_px: Scalars) -
     return ReferenceImage(
         shape=image.shape,
         dots=len(edge_px),
-        edge_px=_median(edge_px),
-        contrast=_median(found.contrast),
+        edge_px=median(edge_px),
+        contrast=median(found.contrast),
     )
 
 
@@ -86,12 +87,6 @@ def find_condition(
             return Status.SATURATED
     if reference is not None and number >= LEAST_DOTS * expected and number > 0:
         is_wide = 2 * np.count_nonzero(edge_px > EDGE_GROWTH * reference.edge_px + EDGE_MARGIN_PX) > number
-        if is_wide and _median(found.contrast) < CONTRAST_LOSS * reference.contrast:
+        if is_wide and median(found.contrast) < CONTRAST_LOSS * reference.contrast:
             return Status.BLURRED
     return Status.OK
-
-
-def _median(values: Scalars) -> float:
-    """Median; 0 of no values. Faster than numpy's for a few hundred values."""
-    ordered, size = np.sort(values), len(values)
-    return 0.5 * float(ordered[size // 2] + ordered[(size - 1) // 2]) if size else 0.0

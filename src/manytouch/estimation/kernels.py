@@ -1,4 +1,4 @@
-"""Compiled functions that estimators share: weights by neighbours, motion without the view's, a median."""
+"""Compiled functions that estimators share: weights by neighbours, motion without the view's."""
 
 # ruff: noqa: PLR0917 - compiled functions take positional arguments
 
@@ -9,13 +9,6 @@ from manytouch.values.arrays import Flags, Floats, Integers
 
 _NEGLIGIBLE = 1e-9  # of the stiffness of a motion of the view per marker, so that it is determined
 _LEAST_SCALE = 1e-3  # pitches, of the lengths at which markers lose their weight; a choice
-
-
-@kernel()
-@no_type_check
-def median_where(value: Floats, is_known: Flags) -> float:
-    """Median of the values (m,) where `is_known` (m,) is true."""
-    return np.median(value[is_known])
 
 
 @kernel()

@@ -4,7 +4,6 @@ import numpy as np
 
 from manytouch.estimation.kernels import (
     lengths_without_view,
-    median_where,
     neighbour_agreement,
     solve_damped,
 )
@@ -28,11 +27,6 @@ def test_weights_of_vectors_by_their_neighbours() -> None:
     found = neighbour_agreement(vector, std, is_seen, neighbour, 3.0, 1.5)
     np.testing.assert_allclose(found, expected, atol=1e-12)
     assert len(set(np.round(found, 6))) > 10
-
-
-def test_the_median_of_known_values() -> None:
-    value = np.array([5.0, np.nan, 1.0, 2.0])
-    assert median_where(value, np.isfinite(value)) == 2.0
 
 
 def test_damped_equations_are_solved() -> None:

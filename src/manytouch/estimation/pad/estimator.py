@@ -14,7 +14,6 @@ from jaxtyping import Float64
 
 from manytouch.blas_threads import limit_blas_threads
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
-from manytouch.estimation.kernels import median_where
 from manytouch.estimation.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
 from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.pad.image_error import ImageError, MeasuredImages
@@ -37,6 +36,7 @@ from manytouch.estimation.slip_detector import SlipDetector, SlipState
 from manytouch.geometry.neighbours import Neighbours, nearest_neighbours
 from manytouch.geometry.refraction import rest_px
 from manytouch.geometry.spline.patch import Nodal
+from manytouch.medians import median
 from manytouch.values import Contact, Contacts, Sensor, Status, Surface, TrackedGrid
 from manytouch.values.arrays import Points2, Points3, read_only
 
@@ -310,7 +310,7 @@ class PadEstimator:
         )
         moved_mm = state.model.pitch_mm / state.model.pitch_px * moved_px
         local_pitch = float(self.local_motion(state.groups, moved_mm, grid.is_seen).max())
-        noise_pitch = float(np.sqrt(median_where(noise_px2, grid.is_seen))) / state.model.pitch_px
+        noise_pitch = float(np.sqrt(median(noise_px2[grid.is_seen]))) / state.model.pitch_px
         return MeasuredImages(
             moved_px=moved_px,
             gate=gate,

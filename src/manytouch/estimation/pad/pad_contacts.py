@@ -7,7 +7,6 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from manytouch.compilation import kernel, no_type_check
-from manytouch.estimation.kernels import median_where
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.regions.footprints import Footprint, Footprints
 from manytouch.estimation.mechanics.regions.outlines import polygon_area, within_rectangle
@@ -35,6 +34,7 @@ from manytouch.estimation.pad.patch_kernels import (
 )
 from manytouch.geometry.refraction import project_through_window
 from manytouch.geometry.spline.patch import Nodal
+from manytouch.medians import median
 from manytouch.values import ESTIMATES, Contact, Phase
 from manytouch.values.arrays import Covariances3, Mask, Points2, Points3, Scalars, read_only, read_only_view
 
@@ -368,8 +368,7 @@ def _unresolved_depth(model: BondedPadModel, parameters: np.ndarray, profile: in
 
 def _noise_px(fit: PadFit) -> float:
     """Median standard deviation of the marker images of a frame."""
-    is_used = read_only_view(fit.weight > 0.0)
-    return float(1.0 / np.sqrt(median_where(fit.weight, is_used))) if is_used.any() else np.nan
+    return float(1.0 / np.sqrt(median(fit.weight[fit.weight > 0.0])))
 
 
 def _clusters(model: BondedPadModel, fit: PadFit) -> Clusters:

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from manytouch.geometry.neighbours import Neighbours
+from manytouch.medians import median
 from manytouch.values import TrackedGrid
-from manytouch.values.arrays import Scalars, read_only, read_only_view
+from manytouch.values.arrays import Scalars, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -51,11 +52,8 @@ class DotAreaChange:
         """
         if grid.area_px2 is None:
             return None
-        from manytouch.estimation.kernels import median_where
-
-        along_x_px2 = read_only_view(np.ascontiguousarray(grid.covariance_px2[:, 0, 0]))
-        variance_px2 = median_where(along_x_px2, grid.is_seen)
-        return float(np.sqrt(2.0 * np.pi * variance_px2 / median_where(grid.area_px2, grid.is_seen)))
+        variance_px2 = median(grid.covariance_px2[grid.is_seen, 0, 0])
+        return float(np.sqrt(2.0 * np.pi * variance_px2 / median(grid.area_px2[grid.is_seen])))
 
     def updated_rest(self, grid: TrackedGrid, rest_log_area: Scalars, frames_before: int) -> Scalars:
         """(m,) logarithm of the areas at rest in px^2 after one more frame at rest.
