@@ -30,7 +30,7 @@ OWN_KERNELS = {
     PAD: "manytouch.estimation.pad.patch_kernels",
 }
 """A module of compiled functions of a package that only one method needs, or `mechanics` on pads."""
-FUNCTIONS = {"mechanics": 46, "perimeter": 44, PAD: 39}
+FUNCTIONS = {"mechanics": 56, "perimeter": 44, PAD: 39}
 """About how many functions are compiled for each, for the progress."""
 NAMES = {PAD: "mechanics on pads"}
 MESSAGE_EVERY_S = 3.0
@@ -79,20 +79,13 @@ def warm_up_kernels(method: str, on_message: OnMessage | None = None) -> bool:
 
 def warm_up_for(method: str, sensor: Sensor | None, on_message: OnMessage | None = None) -> None:
     """Compile what the frames of a sensor need, or of one that is not known yet."""
-    for name in (method,) if sensor is None else compiled_methods(method, sensor):
-        warm_up_kernels(name, on_message)
+    warm_up_kernels(method if sensor is None else compiled_method(method, sensor), on_message)
 
 
-def compiled_methods(method: str, sensor: Sensor) -> tuple[str, ...]:
-    """Methods, or `PAD`, whose kernels the frames of a sensor need.
-
-    `mechanics` has the values of `perimeter` in frames that an assumed sheet does not describe.
-    """
-    if method != "mechanics":
-        return (method,)
-    if sensor.sheet is None:
-        return method, "perimeter"
-    return (PAD,) if sensor.sheet.boundary == "bonded" else (method,)
+def compiled_method(method: str, sensor: Sensor) -> str:
+    """The method, or `PAD`, whose kernels the frames of a sensor need."""
+    is_pad = method == "mechanics" and sensor.sheet is not None and sensor.sheet.boundary == "bonded"
+    return PAD if is_pad else method
 
 
 def compile_in_processes(method: str, on_message: OnMessage) -> bool:

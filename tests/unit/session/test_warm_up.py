@@ -12,6 +12,8 @@ import numba
 import numpy as np
 import pytest
 
+from manytouch.estimation.mechanics.clusters import model_order
+from manytouch.estimation.mechanics.undescribed_frames import UndescribedFrames, WithoutSheet
 from manytouch.pipeline import TrackedFrame
 from manytouch.session import process, warm_up
 from manytouch.session.methods import compile_stage, kernels, pipeline_for
@@ -62,6 +64,25 @@ def test_the_contact_is_processed_from_its_beginning_to_its_end(
     assert lost == [Status.OK, Status.FEW_MARKERS, Status.BLURRED]
     assert not tracked[len(compile_stage.FRAMES)].grid.is_seen.all(), "partly out of view"
     assert all(each.grid.status == "ok" for each in tracked[: len(compile_stage.FRAMES)])
+
+
+def test_mechanics_also_compiles_for_bars_faces_and_assumed_sheets(monkeypatch: pytest.MonkeyPatch) -> None:
+    called = set()
+
+    def observed(function: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any, **named: Any) -> Any:
+            found = function(*arguments, **named)
+            if not isinstance(found, WithoutSheet) or found.touching:
+                called.add(function.__name__)
+            return found
+
+        return call
+
+    for name in ("fit_bar", "fit_elliptic_face"):
+        monkeypatch.setattr(model_order, name, observed(getattr(model_order, name)))
+    monkeypatch.setattr(UndescribedFrames, "step", observed(UndescribedFrames.step))
+    compile_stage.compile_stage("mechanics", "contacts")
+    assert called == {"fit_bar", "fit_elliptic_face", "step"}
 
 
 def test_true_positions_are_of_the_same_kinds_as_tracked_ones(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -213,14 +234,14 @@ def test_kernels_are_listed_while_another_thread_imports(monkeypatch: pytest.Mon
     assert busy.__dict__["new"] == 1
 
 
-def test_an_assumed_sheet_needs_the_kernels_of_perimeter_too() -> None:
+def test_pads_have_kernels_of_their_own() -> None:
     sensor = demo_sensor()
-    assert warm_up.compiled_methods("mechanics", sensor) == ("mechanics",)
-    assert warm_up.compiled_methods("mechanics", replace(sensor, sheet=None)) == ("mechanics", "perimeter")
-    assert warm_up.compiled_methods("perimeter", replace(sensor, sheet=None)) == ("perimeter",)
+    assert warm_up.compiled_method("mechanics", sensor) == "mechanics"
+    assert warm_up.compiled_method("mechanics", replace(sensor, sheet=None)) == "mechanics"
+    assert warm_up.compiled_method("perimeter", replace(sensor, sheet=None)) == "perimeter"
     pad = simulated_source("pad", width_px=320).sensor
-    assert warm_up.compiled_methods("mechanics", pad) == ("pad",)
-    assert warm_up.compiled_methods("perimeter", pad) == ("perimeter",)
+    assert warm_up.compiled_method("mechanics", pad) == "pad"
+    assert warm_up.compiled_method("perimeter", pad) == "perimeter"
 
 
 @pytest.mark.parametrize("is_given", [False, True])

@@ -18,12 +18,17 @@ from manytouch.calibration import sensor_from_rest
 from manytouch.errors import ManytouchError
 from manytouch.session.methods.pipelines import PAD, pipeline_for
 from manytouch.sources.simulated import simulated_source
-from manytouch.values import Frame
+from manytouch.values import Frame, Layout, Sensor, TrackedGrid
 from manytouch.values.arrays import Image, read_only
+from manytouch.values.sensor_file.assumed_sheet import assumed_sheet
 
 SCENE, WIDTH_PX = "one", 640
 FRAMES = (0, 1, *range(38, 44), *range(50, 75, 5), *range(130, 150, 5), 170)  # at rest, in contact, released
 AT_REST_COUNT = 2  # of these, the first ones
+Shifts = tuple[tuple[int, int], ...]
+LONG: Shifts = ((0, -1), (0, 1))
+WIDE: Shifts = tuple((row, column) for row in range(-2, 3) for column in range(-2, 3))
+"""Rows and columns between the parts of a long and of a wide object."""
 OBJECTS_PER_COLLECTION = 200_000
 """Compiling makes millions of objects, few of them garbage: a search through them takes long."""
 
@@ -47,9 +52,43 @@ def compile_stage(method: str, stage: str) -> None:
         for _ in pipeline.track_frames([*frames, *frames_without_markers(frames)], simulator.sensor):
             pass
     else:
-        state = pipeline.estimate.start(simulator.sensor)
-        for number in shown:
-            state, _, _ = pipeline.estimate.step(state, simulator.truth(number).grid)
+        grids = [simulator.truth(number).grid for number in shown]
+        for sensor, seen in _sheets(simulator.sensor, grids, is_mechanics=method == "mechanics"):
+            state = pipeline.estimate.start(sensor)
+            for grid in seen:
+                state, _, _ = pipeline.estimate.step(state, grid)
+
+
+def _sheets(
+    sensor: Sensor, grids: list[TrackedGrid], *, is_mechanics: bool
+) -> Iterator[tuple[Sensor, list[TrackedGrid]]]:
+    """Sensors, each with the grids that are estimated for it.
+
+    `mechanics` has other functions for a long or wide object, and for an assumed sheet and the frames that
+    this does not describe.
+    """
+    if not is_mechanics:
+        yield sensor, grids
+        return
+    layout = sensor.layout
+    assert layout is not None
+    wide = [drawn_out(layout, grids[0], grid, by) for by in (LONG, WIDE) for grid in grids[AT_REST_COUNT:-1]]
+    yield sensor, [*grids[:-1], *wide, grids[-1]]
+    yield replace(sensor, sheet=assumed_sheet(layout)), grids
+
+
+def drawn_out(layout: Layout, rest: TrackedGrid, grid: TrackedGrid, by: Shifts) -> TrackedGrid:
+    """A frame as if the object were at several places at once, each so many rows and columns away.
+
+    It moves the markers as far as one object and a half.
+    """
+    assert layout.row_column is not None
+    assert layout.shape is not None
+    row, column = layout.row_column.T
+    motion_px = np.zeros((*layout.shape, 2))
+    motion_px[row, column] = grid.position_px - rest.position_px
+    moved_px = sum(np.roll(motion_px, shift, axis=(0, 1))[row, column] for shift in by) * (1.5 / len(by))
+    return replace(grid, position_px=read_only(rest.position_px + moved_px))
 
 
 def frames_without_markers(frames: list[Frame]) -> Iterator[Frame]:
