@@ -12,12 +12,32 @@ from manytouch.sinks.ros2.messages import RosMessage, RosMessages, typestore
 from manytouch.values.frame import image_format
 
 VERSION: Literal[9] = 9  # of metadata.yaml; Jazzy writes it
+INFINITE = (9223372036, 854775807)
+"""Seconds and nanoseconds that ROS 2 takes as no limit."""
 
 
 def _name(recording: Recording) -> str:
     """Of topics and frames; each sensor of a rig has its own, so that their bags can run together."""
     sensor = recording.rig_sensor
     return "manytouch" if sensor is None else f"manytouch/{re.sub(r'[^A-Za-z0-9_]', '_', sensor)}"
+
+
+def _latched() -> Any:
+    """Quality of service of a message for late readers too; the player needs it stated to offer it."""
+    from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+
+    never = QosTime(*INFINITE)
+    return Qos(
+        history=QosHistory.KEEP_LAST,
+        depth=1,
+        reliability=QosReliability.RELIABLE,
+        durability=QosDurability.TRANSIENT_LOCAL,
+        deadline=never,
+        lifespan=never,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=never,
+        avoid_ros_namespace_conventions=False,
+    )
 
 
 def write_ros2bag(recordings: Sequence[Recording], folder: Path) -> None:
@@ -38,8 +58,9 @@ def write_ros2bag(recordings: Sequence[Recording], folder: Path) -> None:
 
         def put(message: RosMessage, stamp_ns: int) -> None:
             if message.topic not in connections:
+                profiles = [_latched()] if message.topic == "/tf_static" else []
                 connections[message.topic] = bag.add_connection(
-                    message.topic, message.type, typestore=typestore()
+                    message.topic, message.type, typestore=typestore(), offered_qos_profiles=profiles
                 )
             bag.write(connections[message.topic], stamp_ns, message.cdr)
 

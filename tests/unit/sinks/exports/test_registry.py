@@ -52,6 +52,15 @@ def test_a_bag_opens_in_readers_of_others_with_the_recorded_values(record, tmp_p
         assert bag_reader.message_count == 1 + 6 * FRAMES
 
 
+def test_the_pose_of_a_bag_is_kept_for_readers_that_start_after_it_was_played(record, tmp_path: Path) -> None:
+    (bag,) = export([record(tmp_path / "press.mcap")], "ros2bag", tmp_path / "bags")
+    with AnyReader([bag]) as reader:
+        profiles = {each.topic: each.ext.offered_qos_profiles for each in reader.connections}
+    (pose,) = profiles.pop("/tf_static")  # what listeners of tf2 request; the player offers it only if stated
+    assert (pose.durability.name, pose.reliability.name) == ("TRANSIENT_LOCAL", "RELIABLE")
+    assert not any(profiles.values())  # the player then offers what every reader of sensor data takes
+
+
 def test_xarray_opens_the_surface_with_units_and_coordinates(record, tmp_path: Path) -> None:
     (path,) = export([record(tmp_path / "press.mcap")], "hdf5", tmp_path / "out")
     with xarray.open_dataset(path, group="surface", engine="h5netcdf") as surface:
