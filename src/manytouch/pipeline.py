@@ -207,6 +207,11 @@ def track_frames(
     )
 
 
+def _require_frame(frame: Frame) -> Frame:
+    require_type("one of the frames", frame, Frame, "manytouch.Frame(index=, timestamp_ns=, camera=, image=)")
+    return frame
+
+
 def _protect(dots: Detections) -> None:
     """Make the arrays of dots read-only; the kernels that find and assign them take writable ones."""
     for array in (dots.centre_px, dots.covariance_px2, dots.area_px2, dots.contrast):
@@ -281,13 +286,13 @@ class Pipeline:
             sensor: with a layout.
 
         Raises:
-            ArgumentError: something else was given, such as the path of a video.
+            ArgumentError: something else was given, such as the path of a video, or images.
         """
         if isinstance(frames, str | Path) or not isinstance(frames, Iterable):
             kind = type(frames).__name__
             raise ArgumentError(f"frames are of type {kind}: give a source (manytouch.open_source) or frames")
         require_type("the sensor", sensor, Sensor, "a Sensor (manytouch.load_sensor reads one)")
-        return self.estimate_readings(self.track_frames(frames, sensor), sensor)
+        return self.estimate_readings(self.track_frames(map(_require_frame, frames), sensor), sensor)
 
     def has_stages_of(self, other: "Pipeline") -> bool:
         """Whether the three stages are those of another pipeline, which then differs in the interpolation."""

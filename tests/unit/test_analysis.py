@@ -28,6 +28,12 @@ import numpy as np
 import manytouch
 sensor = manytouch.load_sensor("a4-dots")
 frames = list(islice(manytouch.open_source("sim:"), 1))
+pipeline = manytouch.pipeline_for("perimeter")
+grey = frames[0].image
+
+def frame(image):
+    return manytouch.Frame(index=0, timestamp_ns=0, camera="mine", image=image)
+
 calls = [
     lambda: manytouch.open_source(1.5),
     lambda: manytouch.open_source("sim:", fps="30"),
@@ -42,8 +48,17 @@ calls = [
     lambda: manytouch.sensor_from_rest([np.zeros((4, 4))], name="a"),
     lambda: manytouch.sensor_from_rest(frames, name="a", pitch_mm="4"),
     lambda: manytouch.sensor_from_rest(frames, name="a", hfov_deg="60"),
-    lambda: manytouch.pipeline_for("perimeter").run("press.mp4", sensor),
-    lambda: manytouch.pipeline_for("perimeter").run(frames, "sensor.toml"),
+    lambda: pipeline.run("press.mp4", sensor),
+    lambda: pipeline.run(frames, "sensor.toml"),
+    lambda: list(pipeline.run([grey], sensor)),
+    lambda: frame("press.png"),
+    lambda: frame(grey.tolist()),
+    lambda: frame(grey / 255.0),
+    lambda: frame(grey > 100),
+    lambda: frame(grey.astype(">u2")),
+    lambda: frame(grey.ravel()),
+    lambda: frame(grey[0, 0]),
+    lambda: frame(np.dstack([grey] * 4)),  # BGRA
     lambda: manytouch.sample(sensor, np.zeros(2), np.zeros(2)),
     lambda: manytouch.load_sensor(sensor),
     lambda: manytouch.save_sensor("sensor.toml", sensor),

@@ -3,7 +3,13 @@
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
+from manytouch.errors import ArgumentError
 from manytouch.values.arrays import Image
+
+LEVEL_TYPES = (np.dtype(np.uint8), np.dtype(np.uint16))
+"""Of the pixels of an image."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -28,12 +34,37 @@ class Frame:
     encoded: bytes | None = None
     arrived_ns: int | None = None
 
+    def __post_init__(self) -> None:
+        """Check the image, for which every stage is compiled.
+
+        Raises:
+            ArgumentError: it has another type or another number of channels.
+        """
+        image = self.image
+        if image is not None and not _is_image(image):
+            kind = type(image).__name__
+            if isinstance(image, np.ndarray):
+                kind = f"{image.dtype} with the shape {image.shape}"
+            raise ArgumentError(
+                f"the image of a frame is of type {kind}: give an array of uint8 or uint16 with the shape "
+                "(h, w), or (h, w, 3) in BGR order"
+            )
+
     def __repr__(self) -> str:
         if self.image is None:
             shown = "not decoded"
         else:
             shown = f"{self.image.shape[1]} x {self.image.shape[0]} px, {self.image.dtype}"
         return f"Frame({self.index} of {self.camera!r}, {self.timestamp_ns * 1e-9:.3f} s, {shown})"
+
+
+def _is_image(image: object) -> bool:
+    """Whether something is an image that can be processed; a grey one may have an axis of one channel."""
+    return (
+        isinstance(image, np.ndarray)
+        and image.dtype in LEVEL_TYPES
+        and (image.ndim == 2 or (image.ndim == 3 and image.shape[2] in (1, 3)))
+    )
 
 
 def image_format(encoded: bytes) -> Literal["jpeg", "png"]:
