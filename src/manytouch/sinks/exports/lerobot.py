@@ -1,6 +1,6 @@
 """Recordings as a LeRobot data set (layout v3.0): an episode per recording, with video, touch and statistics.
 
-Frames are those with a reading and an image, counted from 0 at the rate of the recording: LeRobot requires
+Frames are those with a reading and an image, counted from 0 at their rate: LeRobot requires
 even times. Images are padded to an even height and width.
 """
 
@@ -274,8 +274,12 @@ def _place(number: int) -> dict[str, int]:
 
 
 def _fps(recording: Recording) -> int:
-    """Frames per second, rounded, from the median step between frames."""
-    times_ns = np.array([recording.timestamp_ns(place) for place in range(len(recording))])
+    """Frames per second, rounded, from the median step between frames with a reading.
+
+    A recording of a camera also has the frames that the session skipped.
+    """
+    read = [place for place in range(len(recording)) if recording.has_reading(place)]
+    times_ns = np.array([recording.timestamp_ns(place) for place in read])
     steps_ns = np.diff(times_ns)
     return (
         max(round(1e9 / float(np.median(steps_ns))), 1) if len(steps_ns) and np.median(steps_ns) > 0 else 30

@@ -118,6 +118,26 @@ def test_statistics_are_those_of_all_frames(dataset: Path) -> None:
     assert np.ravel(stats["observation.images.tactile"]["mean"]) == pytest.approx(180 / 255, abs=1e-6)
 
 
+def test_frames_that_a_camera_recorded_but_a_slow_session_did_not_process_do_not_shorten_the_time(
+    sensor, reading_of, tmp_path: Path
+) -> None:
+    recorder = Recorder(tmp_path / "slow.mcap", source={})
+    recorder.describe(sensor, pipeline_for("perimeter"), "perimeter")
+    for index in range(13):  # 25 frames per second, of which every fifth is processed
+        reading = reading_of(index)
+        recorder.take(reading.frame)
+        if index % 5 == 0:
+            recorder.write(reading)
+    recorder.close()
+    recording = Recording(tmp_path / "slow.mcap")
+    (folder,) = export([tmp_path / "slow.mcap"], "lerobot", tmp_path / "set")
+    info = json.loads((folder / "meta" / "info.json").read_text())
+    assert (info["fps"], info["total_frames"]) == (5, 3)
+    table = pq.read_table(folder / info["data_path"].format(chunk_index=0, file_index=0))
+    times_s = [1e-9 * recording.timestamp_ns(place) for place in (0, 5, 10)]
+    assert table["timestamp"].to_pylist() == pytest.approx(times_s)
+
+
 def test_recordings_of_different_sensors_are_refused(record, sensor, tmp_path: Path) -> None:
     first = record(tmp_path / "first.mcap")
     other = tmp_path / "other.mcap"
