@@ -23,6 +23,8 @@ from manytouch.sinks.pictures.video_file import VideoFile
 
 TASK = "touch"
 IMAGES_OF_STATISTICS = 64  # per episode
+DEFAULT_FPS = 30  # of a recording with a single frame
+MAX_RATE_DIFFERENCE = 0.1  # share, of recordings of one data set; sessions that skip frames differ a little
 _KINDS = {"float32": pa.float32(), "int64": pa.int64(), "bool": pa.bool_()}
 
 
@@ -39,9 +41,9 @@ def write_lerobot(recordings: Sequence[Recording], folder: Path) -> None:
     """Write recordings of one sensor as one data set.
 
     Raises:
-        OutputError: the recordings differ in their markers or image size, or have no frames to write.
+        OutputError: the recordings differ in their markers, image size or rate, or have no frames to write.
     """
-    fps = _fps(recordings[0])
+    fps = _common_fps(recordings)
     first = next((image for _, _, image in _frames(recordings[0])), None)
     if first is None:
         raise OutputError(f"{recordings[0].path} has no frame with an image and a reading: nothing to export")
@@ -55,6 +57,19 @@ def write_lerobot(recordings: Sequence[Recording], folder: Path) -> None:
     _write_meta(folder, episodes, known, fps)
     about = [description(recording.sensor, recording.about) for recording in recordings]
     (folder / schema.ABOUT_PATH).write_text(json.dumps(about, indent=4), encoding="utf-8")
+
+
+def _common_fps(recordings: Sequence[Recording]) -> int:
+    """The rate of the first recording; a data set has one rate, which gives the times of all frames."""
+    fps = _fps(recordings[0]) or DEFAULT_FPS
+    for recording in recordings[1:]:
+        other = _fps(recording) or fps
+        if abs(other - fps) > max(MAX_RATE_DIFFERENCE * fps, 1.0):
+            raise OutputError(
+                f"{recording.path} has {other} frames per second, the first recording {fps}: "
+                "export recordings of one rate together"
+            )
+    return fps
 
 
 def _frames(recording: Recording) -> Any:
@@ -273,14 +288,13 @@ def _place(number: int) -> dict[str, int]:
     return {"chunk_index": chunk, "file_index": file}
 
 
-def _fps(recording: Recording) -> int:
-    """Frames per second, rounded, from the median step between frames with a reading.
+def _fps(recording: Recording) -> int | None:
+    """Frames per second, rounded, from the median step between frames with a reading; None of a single one.
 
     A recording of a camera also has the frames that the session skipped.
     """
     read = [place for place in range(len(recording)) if recording.has_reading(place)]
-    times_ns = np.array([recording.timestamp_ns(place) for place in read])
-    steps_ns = np.diff(times_ns)
-    return (
-        max(round(1e9 / float(np.median(steps_ns))), 1) if len(steps_ns) and np.median(steps_ns) > 0 else 30
-    )
+    steps_ns = np.diff([recording.timestamp_ns(place) for place in read])
+    if not len(steps_ns) or np.median(steps_ns) <= 0:
+        return None
+    return max(round(1e9 / float(np.median(steps_ns))), 1)

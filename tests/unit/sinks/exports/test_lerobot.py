@@ -138,6 +138,20 @@ def test_frames_that_a_camera_recorded_but_a_slow_session_did_not_process_do_not
     assert table["timestamp"].to_pylist() == pytest.approx(times_s)
 
 
+def test_recordings_of_different_rates_are_refused(record, sensor, reading_of, tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "half.mcap", source={})
+    recorder.describe(sensor, pipeline_for("perimeter"), "perimeter")
+    for index in range(0, 8, 2):
+        reading = reading_of(index)
+        recorder.take(reading.frame)
+        recorder.write(reading)
+    recorder.close()
+    first = record(tmp_path / "first.mcap")
+    with pytest.raises(OutputError, match=r"half.mcap has 12 frames per second, the first recording 25"):
+        export([first, tmp_path / "half.mcap"], "lerobot", tmp_path / "set")
+    assert not (tmp_path / "set").exists()
+
+
 def test_recordings_of_different_sensors_are_refused(record, sensor, tmp_path: Path) -> None:
     first = record(tmp_path / "first.mcap")
     other = tmp_path / "other.mcap"
