@@ -1,5 +1,6 @@
 """`manytouch export`: recordings in the formats of other programs."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -44,7 +45,14 @@ def export(
     require_existing(recordings)
     from manytouch.sinks.exports.registry import export as export_recordings
 
+    warned: set[str] = set()
+
+    def warn(sentence: str) -> None:
+        if sentence not in warned:  # each format reads the recordings
+            print(f"warning: {sentence}", file=sys.stderr)
+        warned.add(sentence)
+
     for name, folder in folders.items():
-        for path in export_recordings(recordings, name, folder):
+        for path in export_recordings(recordings, name, folder, warn):
             print(path)
     return 0

@@ -60,13 +60,19 @@ FORMATS: Mapping[str, Format] = {
 }
 
 
-def export(paths: Sequence[Path], format_name: str, folder: Path) -> list[Path]:
+def export(
+    paths: Sequence[Path],
+    format_name: str,
+    folder: Path,
+    on_damage: Callable[[str], None] = lambda sentence: None,
+) -> list[Path]:
     """Write recordings in another format.
 
     Args:
         paths: the recordings; of a rig with the name of a sensor, as in hand.mcap#index.
         format_name: a key of `FORMATS`.
         folder: where the results go; of a format with one result for all recordings the result itself.
+        on_damage: is called before anything is written, with a sentence for each recording that is not whole.
 
     Returns:
         The results.
@@ -78,6 +84,9 @@ def export(paths: Sequence[Path], format_name: str, folder: Path) -> list[Path]:
     """
     found = FORMATS[format_name]
     recordings = [open_recording(path) for path in paths]
+    for recording in recordings:
+        if recording.damage is not None:
+            on_damage(recording.damage)
     if found.suffix is None:
         return [_written(found, recordings, folder)]
     names = _names(recordings)

@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
+from command_line import run_command
 from manytouch.errors import OutputError, SourceError
 from manytouch.recording.merge import merge_recordings
 from manytouch.recording.repair import check, repair
@@ -132,6 +133,17 @@ def test_an_existing_result_is_never_replaced_and_a_failed_one_leaves_nothing(re
     with pytest.raises(SourceError):
         export([tmp_path / "missing.mcap"], "parquet", tmp_path / "nothing")
     assert not (tmp_path / "nothing").exists()
+
+
+def test_a_recording_that_was_cut_off_is_exported_with_one_warning(record, tmp_path: Path) -> None:
+    whole, cut = record(tmp_path / "whole.mcap"), tmp_path / "cut.mcap"
+    cut.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    words = ["--parquet", tmp_path / "tables", "--hdf5", tmp_path / "hdf5"]
+    done = run_command("export", whole, cut, *words)
+    assert done.returncode == 0
+    assert done.stderr.count("warning") == 1
+    assert "warning: cut.mcap was cut off; its " in done.stderr
+    assert pq.read_table(tmp_path / "tables" / "cut" / "frames.parquet").num_rows < FRAMES
 
 
 def test_a_sensor_of_a_rig_is_exported_by_its_name(record, tmp_path: Path) -> None:
