@@ -113,6 +113,8 @@ def _ros_compressed(data: bytes) -> Iterator[LogImage]:
 def _ros_raw(data: bytes) -> Iterator[LogImage]:
     message = _ros_message(data, "sensor_msgs/msg/Image")
     image = _raw_image(message.encoding, message.width, message.height, message.step, message.data)
+    if image is not None and message.is_bigendian and image.dtype == np.uint16:
+        image = read_only(image.byteswap())
     yield LogImage(time_ns=_ros_time_ns(message), image=image)
 
 

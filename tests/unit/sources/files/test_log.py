@@ -161,6 +161,21 @@ def test_bags_of_ros(tmp_path: Path, plugin: StoragePlugin, make: Callable) -> N
         assert levels(open_source(next(folder.glob("*.mcap")))) == levels(source)
 
 
+@pytest.mark.parametrize(("is_bigendian", "order"), [(0, "<u2"), (1, ">u2")])
+def test_images_of_ros_with_two_bytes_in_either_order(tmp_path: Path, is_bigendian: int, order: str) -> None:
+    def make(types, header, image):
+        levels = np.full((60, 80), 3000, order)
+        content = np.frombuffer(levels.tobytes(), np.uint8)
+        yield (
+            "/camera/image_raw",
+            types["sensor_msgs/msg/Image"](header, 60, 80, "mono16", is_bigendian, 160, content),
+        )
+
+    frame = next(iter(open_source(bag(tmp_path / "press", StoragePlugin.MCAP, make))))
+    assert frame.image.dtype == np.uint16
+    assert frame.image[30, 40] == 3000
+
+
 def test_of_several_topics_one_is_chosen_by_name(tmp_path: Path) -> None:
     path = mcap_file(
         tmp_path / "two.mcap",
