@@ -12,7 +12,7 @@ from typing import Any
 from manytouch.errors import MissingExtraError, SourceError
 from manytouch.recording import PROFILE
 from manytouch.sources.encoded import decoded
-from manytouch.sources.files.log_images import LogImage, decoder_of
+from manytouch.sources.files.log_images import CAN_BE_DECODED, LogImage, decoder_of
 from manytouch.sources.source import Capabilities, evenly_timed_ns
 from manytouch.values import Frame
 
@@ -68,7 +68,8 @@ class LogSource:
                 break
         if not self._shape:
             raise SourceError(
-                f"none of the first {len(stamps_ns)} images on {topic.name} in {str(path)!r} can be decoded"
+                f"none of the first {len(stamps_ns)} images on {topic.name} in {str(path)!r} can be decoded: "
+                f"record or convert them to {CAN_BE_DECODED}"
             )
         self.height_px, self.width_px = self._shape
         steps = sorted(end - begin for begin, end in pairwise(stamps_ns))

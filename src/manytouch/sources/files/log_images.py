@@ -19,6 +19,10 @@ _CHANNELS = {
     **dict.fromkeys(("bgra8", "rgba8", "8UC4"), 4),
     **dict.fromkeys(("mono16", "16UC1"), 1),
 }
+CAN_BE_DECODED = (
+    "JPEG, PNG, raw images of mono8, mono16, bgr8, rgb8, bgra8 or rgba8, or of Foxglove compressed video of "
+    f"{', '.join(CODECS)}"
+)
 _TWO_BYTES = ("mono16", "16UC1")
 """Encodings with 16 bits per pixel."""
 

@@ -203,6 +203,9 @@ def test_damaged_images_are_frames_without_an_image_and_other_logs_are_refused(t
     path.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(SourceError, match=r"damaged|no summary"):
         open_source(path)
+    other = RawImage(encoding="yuyv", width=80, height=60, step=160, data=bytes(160 * 60))
+    with pytest.raises(SourceError, match=r"can be decoded: record or convert them to JPEG, PNG, .*bgr8"):
+        open_source(mcap_file(tmp_path / "yuyv.mcap", camera=[other]))
     empty = mcap_file(tmp_path / "empty.mcap", log=[])
     with pytest.raises(SourceError, match=r"has no images: topics with foxglove\.CompressedVideo"):
         open_source(empty)
