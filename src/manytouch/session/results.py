@@ -34,7 +34,7 @@ VIDEO_SHARE = 2.3
 
 
 def process(
-    input: str | Path,  # noqa: A002 - the word of the command line
+    input: str | Path | Source,  # noqa: A002 - the word of the command line
     *,
     out: str | Path,
     sensor: str | Path | Sensor | None = None,
@@ -52,7 +52,7 @@ def process(
     """Process every frame of an input and write its tables.
 
     Args:
-        input: a video file, an image, a folder of images, a recording, or `sim:`.
+        input: a video file, an image, a folder of images, a recording, `sim:`, or an open source.
         out: the results go into a folder in it that has the input's name.
         sensor, method, pitch_mm, hfov_deg, roi_px, fps, parameters: see `prepare`.
         surface, annotate, observer, stop: see `process_job`.
@@ -77,7 +77,7 @@ def process(
         whole_recording=True,
         observer=observer,
     )
-    folder = Path(out) / result_name(str(input))
+    folder = Path(out) / result_name(input.name if isinstance(input, Source) else str(input))
     process_job(job, folder, surface=surface, annotate=annotate, observer=observer, stop=stop)
     return folder
 

@@ -137,6 +137,12 @@ def test_a_run_that_fails_before_its_first_frame_leaves_the_earlier_result(error
     assert [path.name for path in tmp_path.iterdir()] == ["press"]
 
 
+def test_the_results_of_an_open_source_are_in_a_folder_of_its_name(tmp_path: Path) -> None:
+    folder = process(DrawnSource(frames=16), out=tmp_path, method="perimeter", pitch_mm=4.0)
+    assert folder == tmp_path / "drawn"
+    assert (folder / "summary.json").exists()
+
+
 def test_stopping_ends_after_the_frame_at_hand(tmp_path: Path) -> None:
     seen = Seen()
     files = process_job(
