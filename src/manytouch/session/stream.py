@@ -4,10 +4,10 @@ import asyncio
 from collections.abc import AsyncIterator, Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
+from types import NoneType, TracebackType
 from typing import Any
 
-from manytouch.errors import ManytouchError
+from manytouch.errors import ManytouchError, require_type
 from manytouch.pipeline import Controls
 from manytouch.session.live import Live
 from manytouch.session.methods import ParameterValue
@@ -32,7 +32,7 @@ def stream(
     fps: float | None = None,
     parameters: Mapping[str, ParameterValue] | None = None,
     to: Sequence[str] = (),
-    record: Path | None = None,
+    record: str | Path | None = None,
     observer: Observer | None = None,
 ) -> "Stream":
     """A live session whose readings are iterated over.
@@ -56,6 +56,8 @@ def stream(
     Raises:
         ManytouchError: an address of `to` is wrong. Everything else is raised when the block is entered.
     """
+    require_type("to", to, (list, tuple), "a list of addresses, such as ['osc://127.0.0.1:9000']")
+    require_type("record", record, (str, Path, NoneType), "the path of a file, such as 'press.mcap'")
     check_addresses(to)
     return Stream(
         source,
@@ -69,7 +71,7 @@ def stream(
             "parameters": parameters,
         },
         to=to,
-        record=record,
+        record=None if record is None else Path(record),
         observer=observer,
     )
 

@@ -21,7 +21,7 @@ def source() -> DrawnSource:
 
 def test_the_readings_are_those_of_all_frames_and_the_session_ends_with_the_block(tmp_path: Path) -> None:
     path = tmp_path / "press.mcap"
-    with manytouch.stream(source(), method="perimeter", pitch_mm=4.0, record=path) as readings:
+    with manytouch.stream(source(), method="perimeter", pitch_mm=4.0, record=str(path)) as readings:
         found = [reading.frame.index for reading in readings]
         assert readings.health.frames == FRAMES
         assert readings.sensor.layout is not None
