@@ -205,10 +205,8 @@ def prepare(
         pipeline_for(method, roi_px, parameters)  # reports a wrong name before anything is opened
     given = load_sensor(sensor) if isinstance(sensor, str | Path) else sensor
     if given is not None and (pitch_mm is not None or hfov_deg is not None):
-        raise SensorError(
-            f"the sensor {given.name!r} already states pitch and camera: "
-            "give either a sensor file or --pitch-mm and --hfov-deg"
-        )
+        what = f"the sensor {given.name!r} already states pitch and camera"
+        raise SensorError(f"{what}: give either a sensor file or --pitch-mm and --hfov-deg")
     source, text = _open(input, fps, _with_size(camera, given))
     timeline = source.capabilities.seek
     if observer is not None and timeline is not None and timeline.warning is not None:
@@ -369,6 +367,8 @@ def _open(given: str | Path | int | Source, fps: float | None, camera: CameraReq
     """A source, and its name in messages."""
     if isinstance(given, str | Path | int):
         return open_source(str(given), fps=fps, camera=camera), without_password(str(given))
+    if fps is not None:
+        raise SourceError(f"{given.name!r} is an open source: give fps={fps} to manytouch.open_source")
     return given, given.name
 
 

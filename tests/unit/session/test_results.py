@@ -143,6 +143,12 @@ def test_the_results_of_an_open_source_are_in_a_folder_of_its_name(tmp_path: Pat
     assert (folder / "summary.json").exists()
 
 
+def test_a_rate_for_an_open_source_is_refused_as_it_has_no_effect(tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match=r"is an open source: give fps=10.0 to manytouch.open_source"):
+        process(DrawnSource(frames=16), out=tmp_path, fps=10.0)
+    assert not list(tmp_path.iterdir())
+
+
 def test_stopping_ends_after_the_frame_at_hand(tmp_path: Path) -> None:
     seen = Seen()
     files = process_job(
