@@ -41,6 +41,7 @@ calls = [
     lambda: manytouch.prepare("sim:", sensor=3),
     lambda: manytouch.prepare("sim:", roi_px=(1, 2, 3, 4)),
     lambda: manytouch.prepare("sim:", parameters=[3]),
+    lambda: manytouch.Roi(0, 0, 10.5, 10),
     lambda: manytouch.process(None, out="x"),
     lambda: manytouch.process("sim:", out=3),
     lambda: manytouch.run("press.mp4"),
@@ -77,6 +78,22 @@ for number, call in enumerate(calls):
         assert isinstance(error, TypeError) and ": give " in str(error), (number, error)
     else:
         raise AssertionError(f"call {number} was accepted")
+"""
+
+NUMPY_ARGUMENTS = """
+from itertools import islice
+import numpy as np
+import manytouch
+from manytouch.session import Request, request_hashes
+source = manytouch.open_source("sim:")
+own = Request(hfov_deg=60.0, pitch_mm=4.0, roi_px=manytouch.Roi(2, 0, 20, 10))
+numbers = np.array([2, 0, 20, 10])
+request = Request(hfov_deg=np.float32(60.0), pitch_mm=np.float32(4.0), roi_px=manytouch.Roi(*numbers))
+assert request_hashes(source, "sim:", request) == request_hashes(source, "sim:", own)
+frames = list(islice(source, 3))
+sensor = manytouch.sensor_from_rest(frames, name="a", hfov_deg=np.float32(60.0))
+assert isinstance(sensor.camera.fx_px, float)
+assert request.roi_px == own.roi_px and repr(request.roi_px) == repr(own.roi_px)
 """
 
 
@@ -235,11 +252,12 @@ def test_values_have_short_tables_and_texts_are_escaped(processed: tuple) -> Non
     assert "&lt;b&gt;" in sensor._repr_html_()
 
 
-def test_wrong_types_are_refused_in_a_sentence() -> None:
+@pytest.mark.parametrize("script", [WRONG_ARGUMENTS, NUMPY_ARGUMENTS], ids=["wrong", "numpy"])
+def test_wrong_types_are_refused_in_a_sentence_and_numbers_of_numpy_are_those_of_python(script: str) -> None:
     """In a process without the type checks of the tests, as they would refuse first."""
     environment = {name: value for name, value in os.environ.items() if name != "CHECK_TYPES"}
     done = subprocess.run(
-        [sys.executable, "-c", WRONG_ARGUMENTS], env=environment, capture_output=True, text=True, check=False
+        [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
 

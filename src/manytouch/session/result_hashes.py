@@ -55,7 +55,7 @@ def request_hashes(source: Source, text: str, request: Request) -> Mapping[str, 
         "method": method,
         "pipeline": parameters(pipeline_for(method, request.roi_px, request.parameters)),
         "pitch_mm": to_json(request.pitch_mm),
-        "hfov_deg": request.hfov_deg,
+        "hfov_deg": to_json(request.hfov_deg),
         "fps": request.fps,
     }
     return {

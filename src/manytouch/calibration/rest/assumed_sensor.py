@@ -102,7 +102,7 @@ def sensor_from_dots(
     arrangement = arrange_rest_dots(still, width_px, height_px, roi_px)
     pitch_px = float(np.sqrt(np.prod(arrangement.pitch_px)))
     wanted = 1.0 if pitch_mm is None else float(np.sqrt(np.prod(np.broadcast_to(pitch_mm, 2))))
-    focal_px = 0.5 * width_px / np.tan(np.deg2rad(0.5 * (hfov_deg or ASSUMED_HFOV_DEG)))
+    focal_px = 0.5 * width_px / np.tan(np.deg2rad(0.5 * float(hfov_deg or ASSUMED_HFOV_DEG)))
     camera = _camera(arrangement, width_px, height_px, focal_px, wanted / pitch_px)
     layout = _layout(
         arrangement,

@@ -1,9 +1,10 @@
 """The part of an image that is processed."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from numbers import Integral
 
-from manytouch.errors import SourceError
+from manytouch.errors import SourceError, require_type
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +19,7 @@ class Roi:
 
     Raises:
         SourceError: the rectangle is empty or begins outside every image.
+        ArgumentError: a number is not whole.
     """
 
     x_px: int
@@ -26,6 +28,10 @@ class Roi:
     height_px: int
 
     def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            require_type(each.name, value, Integral, "a whole number of pixels")
+            object.__setattr__(self, each.name, int(value))  # results are stored with numbers of Python
         if min(self.x_px, self.y_px) < 0 or min(self.width_px, self.height_px) < 1:
             raise SourceError(
                 f"the region of interest {self} (x,y,width,height) is not a part of an image: x and y must "
