@@ -71,6 +71,12 @@ calls = [
     lambda: manytouch.plot_layout("a4-dots"),
     lambda: manytouch.read_results(3),
 ]
+try:
+    manytouch.sensor_from_rest(frames, name="a", pitch_mm=(4.0, 4.0, 4.0))
+except manytouch.SensorError as error:
+    assert "(4.0, 4.0, 4.0) mm was given" in str(error)
+else:
+    raise AssertionError("a pitch of three numbers was accepted")
 for number, call in enumerate(calls):
     try:
         call()

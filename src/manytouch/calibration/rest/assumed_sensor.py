@@ -137,9 +137,8 @@ def _check_numbers(pitch_mm: float | tuple[float, float] | None, hfov_deg: float
         require_type("pitch_mm", pitch, (int, float, np.number, NoneType), "a length in mm, or two: (x, y)")
     require_type("hfov_deg", hfov_deg, (int, float, np.number, NoneType), "an angle in degrees")
     least = 1.0 / LARGEST_NUMBER
-    if pitch_mm is not None and not np.all(
-        (np.asarray(pitch_mm) >= least) & (np.asarray(pitch_mm) <= LARGEST_NUMBER)
-    ):
+    pitches = np.asarray(1.0 if pitch_mm is None else pitch_mm)
+    if pitches.size not in (1, 2) or not np.all((pitches >= least) & (pitches <= LARGEST_NUMBER)):
         raise SensorError(
             f"a pitch of {pitch_mm} mm was given, but a pitch is a length from {least:g} to "
             f"{LARGEST_NUMBER:g} mm, or two: P or X,Y"
