@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from manytouch.errors import ManytouchError, OutputError
 from manytouch.pipeline import Controls
 from manytouch.sinks.publishers.address import OutputAddress, parse_address
+from manytouch.sinks.publishers.images import ImageTurns
 from manytouch.sinks.publishers.midi import MidiPublisher, MpeEncoder
 from manytouch.sinks.publishers.osc import encode_osc
 from manytouch.sinks.publishers.queued import Publisher, QueuedOutput
@@ -41,6 +42,12 @@ def _ros2(address: OutputAddress, controls: Controls) -> Publisher:
     from manytouch.sinks.publishers.ros2 import Ros2Publisher
 
     return Ros2Publisher(address, controls)
+
+
+def _check_ros2(address: OutputAddress) -> None:
+    from manytouch.sinks.publishers import ros2
+
+    ros2.settings(address)
 
 
 def _warm_up_ros2(reading: Reading, sensor: Sensor) -> None:
@@ -93,6 +100,7 @@ SCHEMES: Mapping[str, Scheme] = {
         example="ros2://manytouch",
         purpose="nodes of ROS 2, which need not be installed here",
         options=("domain", "images", "parent", "pose"),
+        check=_check_ros2,
         open_publisher=_ros2,
         warm_up=_warm_up_ros2,
     ),
@@ -100,6 +108,7 @@ SCHEMES: Mapping[str, Scheme] = {
         example="foxglove://127.0.0.1:8765",
         purpose="Foxglove and Lichtblick",
         options=("images",),
+        check=ImageTurns,
         open_publisher=_foxglove,
         warm_up=_warm_up_foxglove,
     ),

@@ -50,15 +50,11 @@ class Ros2Publisher:
             OutputError: the domain cannot be joined.
             MissingExtraError: cyclonedds or rosbags is not installed.
         """
-        name = "/".join(part for part in (address.host, address.path) if part) or NAME
-        if not re.fullmatch(FRAME_NAME, name):
-            raise OutputError(f"{address.text!r}: {name!r} is not a name of ROS: use letters, digits and _")
-        domain = address.number("domain", _domain_of_environment(), (0.0, 232.0))
-        self._name, self._controls, self._turns = name, controls, ImageTurns(address)
-        self._mount = mount_of(address)
+        name, domain, self._mount, self._turns = settings(address)
+        self._name, self._controls = name, controls
         self._messages = RosMessages(controls.sensor, name, self._mount)
         try:
-            self._dds = DdsParticipant(round(domain))
+            self._dds = DdsParticipant(domain)
         except OSError as error:
             raise OutputError(f"{address.text!r}: {error}") from error
         for topic, type_name in TOPICS.items():
@@ -72,7 +68,7 @@ class Ros2Publisher:
         self._dds.write(self._messages.transform(time.time_ns()))
         topics = ", ".join(self._messages.topic(topic) for topic in TOPICS)
         self.description = (
-            f"publishes {topics}, /diagnostics and /tf_static in the ROS domain {round(domain)}; a message "
+            f"publishes {topics}, /diagnostics and /tf_static in the ROS domain {domain}; a message "
             f"on {self._messages.topic('tare')} requests a tare, on {self._messages.topic('undo_tare')} the "
             "reference before"
         )
@@ -115,6 +111,19 @@ class Ros2Publisher:
 
     def _is_read(self, topic: str) -> bool:
         return self._dds.is_read(self._messages.topic(topic))
+
+
+def settings(address: OutputAddress) -> tuple[str, int, Mount | None, ImageTurns]:
+    """Name, domain, pose and images that an address requests; nothing is opened.
+
+    Raises:
+        ManytouchError: one of them is wrong.
+    """
+    name = "/".join(part for part in (address.host, address.path) if part) or NAME
+    if not re.fullmatch(FRAME_NAME, name):
+        raise ManytouchError(f"{address.text!r}: {name!r} is not a name of ROS: use letters, digits and _")
+    domain = address.number("domain", _domain_of_environment(), (0.0, 232.0))
+    return name, round(domain), mount_of(address), ImageTurns(address)
 
 
 def warm_up(reading: Reading, sensor: Sensor) -> tuple[RosMessage, ...]:

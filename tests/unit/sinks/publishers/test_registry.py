@@ -35,6 +35,11 @@ def test_the_parts_of_an_address() -> None:
         ("tuio://host?force-N=strong", "force-N is 'strong'; give a number"),
         ("midi://PORT?notes=many", "notes is 'many'; give a number from 0 to 127"),
         ("midi://PORT?depth-pitch=0", "depth-pitch is '0'; give a number"),
+        ("ros2://1st skin", "'1st skin' is not a name of ROS"),
+        ("ros2://skin?domain=9999", "domain is '9999'; give a number from 0 to 232"),
+        ("ros2://skin?images=many", "images is 'many'; give a number from 0.1 to 1000"),
+        ("ros2://skin?parent=tool0", "expected parent=FRAME&pose="),
+        ("foxglove://127.0.0.1:8765?images=0", "images is '0'; give a number from 0.1 to 1000"),
     ],
 )
 def test_a_wrong_address_is_one_sentence(url: str, words: str) -> None:
