@@ -11,6 +11,7 @@ from manytouch.sinks.exports.lerobot import write_lerobot
 from manytouch.sinks.exports.parquet import write_parquet
 from manytouch.sinks.exports.ros2bag import write_ros2bag
 from manytouch.sinks.files.atomic_output import output_errors, remove
+from manytouch.sinks.ros2.messages import UNKNOWN_SCALE
 
 Progress = Callable[[str], None]
 
@@ -24,12 +25,14 @@ class Format:
         result: what is written into the folder, with NAME for the stem of the recording.
         suffix: of the result of one recording; None: all recordings together are one result.
         write: writes recordings to a path that does not exist.
+        is_metric: its lengths are metres; it cannot state that they are pitches.
     """
 
     purpose: str
     result: str
     suffix: str | None
     write: Callable[[Sequence[Recording], Path], None]
+    is_metric: bool = False
 
 
 FORMATS: Mapping[str, Format] = {
@@ -38,6 +41,7 @@ FORMATS: Mapping[str, Format] = {
         result="NAME/",
         suffix="",
         write=write_ros2bag,
+        is_metric=True,
     ),
     "lerobot": Format(
         purpose="LeRobot data set v3.0, an episode per recording",
@@ -64,7 +68,7 @@ def export(
     paths: Sequence[Path],
     format_name: str,
     folder: Path,
-    on_damage: Callable[[str], None] = lambda sentence: None,
+    on_warning: Callable[[str], None] = lambda sentence: None,
 ) -> list[Path]:
     """Write recordings in another format.
 
@@ -72,7 +76,8 @@ def export(
         paths: the recordings; of a rig with the name of a sensor, as in hand.mcap#index.
         format_name: a key of `FORMATS`.
         folder: where the results go; of a format with one result for all recordings the result itself.
-        on_damage: is called before anything is written, with a sentence for each recording that is not whole.
+        on_warning: is called before anything is written, with a sentence for each recording that is not
+            whole, or whose lengths the format cannot state.
 
     Returns:
         The results.
@@ -86,7 +91,9 @@ def export(
     recordings = [open_recording(path) for path in paths]
     for recording in recordings:
         if recording.damage is not None:
-            on_damage(recording.damage)
+            on_warning(recording.damage)
+        if found.is_metric and recording.sensor.length_unit != "mm":
+            on_warning(f"{recording.path.name}: {UNKNOWN_SCALE}")
     if found.suffix is None:
         return [_written(found, recordings, folder)]
     names = _names(recordings)

@@ -16,7 +16,7 @@ from manytouch.sinks.publishers.address import OutputAddress
 from manytouch.sinks.publishers.dds import DdsParticipant
 from manytouch.sinks.publishers.images import ImageTurns, encoded_image
 from manytouch.sinks.recorder import started_unix_ns
-from manytouch.sinks.ros2.messages import Mount, RosMessage, RosMessages
+from manytouch.sinks.ros2.messages import UNKNOWN_SCALE, Mount, RosMessage, RosMessages
 from manytouch.values import Reading, Sensor, Tare, UndoTare
 
 NAME = "manytouch"
@@ -72,6 +72,8 @@ class Ros2Publisher:
             f"on {self._messages.topic('tare')} requests a tare, on {self._messages.topic('undo_tare')} the "
             "reference before"
         )
+        if controls.sensor.length_unit != "mm":
+            self.description += f"; {UNKNOWN_SCALE}"
 
     def publish(self, reading: Reading) -> None:
         """Publish what of a reading is read."""

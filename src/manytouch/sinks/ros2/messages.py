@@ -48,6 +48,10 @@ SURFACE_POINT = np.dtype([(name, "<f4") for name in SURFACE_FIELDS])
 PHASES = {Phase.START: 0, Phase.MOVE: 1, Phase.END: 2}
 ARROW_M_PER_N, ARROW_SHAFT_M, ARROW_HEAD_M = 0.01, 0.001, 0.002
 UINT32, FLOAT32 = 6, 7  # sensor_msgs/PointField
+UNKNOWN_SCALE = (
+    "lengths are not in metres: a pitch is published as 0.001, since the scale of the sensor is not known "
+    "(--pitch-mm or a sensor file states it)"
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -239,9 +243,10 @@ class RosMessages:
         )
 
     def diagnostics(self, health: Health, status: Status, stamp_ns: int) -> RosMessage:
-        """State of the session: level 1 for a status of a frame or a doubtful reference, 2 without source."""
+        """State of the session: level 1 for a status of a frame or a doubt, 2 without source."""
         doubts = [str(status)] if status is not Status.OK else []
         doubts += [] if health.reference_warning is None else [health.reference_warning]
+        doubts += [] if self.sensor.length_unit == "mm" else [UNKNOWN_SCALE]
         level = 2 if health.source_state != "ok" else int(bool(doubts))
         values: Mapping[str, object] = {
             "fps": f"{health.readings_per_s:.1f}",

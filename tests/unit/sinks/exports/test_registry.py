@@ -1,6 +1,7 @@
 """Exports as programs of other authors read them: mcap-ros2-support, rosbags, xarray, h5py, pyarrow."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -144,6 +145,20 @@ def test_a_recording_that_was_cut_off_is_exported_with_one_warning(record, tmp_p
     assert done.stderr.count("warning") == 1
     assert "warning: cut.mcap was cut off; its " in done.stderr
     assert pq.read_table(tmp_path / "tables" / "cut" / "frames.parquet").num_rows < FRAMES
+
+
+def test_a_bag_whose_lengths_are_pitches_comes_with_a_warning(sensor, reading_of, tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "free.mcap", source={})
+    recorder.describe(replace(sensor, scale_is_known=False), pipeline_for("perimeter"), "perimeter")
+    reading = reading_of(0)
+    recorder.take(reading.frame)
+    recorder.write(reading)
+    recorder.close()
+    warnings: list[str] = []
+    for name in ("ros2bag", "parquet"):  # the columns of tables state the unit
+        export([tmp_path / "free.mcap"], name, tmp_path / name, warnings.append)
+    (warning,) = warnings
+    assert warning.startswith("free.mcap: lengths are not in metres: a pitch is published as 0.001")
 
 
 def test_a_sensor_of_a_rig_is_exported_by_its_name(record, tmp_path: Path) -> None:

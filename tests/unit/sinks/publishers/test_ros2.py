@@ -14,7 +14,7 @@ from manytouch.sinks.publishers.address import parse_address
 from manytouch.sinks.publishers.dds import DdsParticipant, dds_type
 from manytouch.sinks.publishers.registry import open_outputs
 from manytouch.sinks.publishers.ros2 import TOPICS, mount_of
-from manytouch.sinks.ros2.messages import CONTACT_FIELDS, RosMessage, RosMessages, typestore
+from manytouch.sinks.ros2.messages import CONTACT_FIELDS, UNKNOWN_SCALE, RosMessage, RosMessages, typestore
 from manytouch.values import Command, Phase, Sensor, Status, Tare, UndoTare
 from waiting import wait_until
 
@@ -194,6 +194,17 @@ def test_diagnostics_warn_of_frames_and_of_the_reference(
     sent = RosMessages(session.sensor).diagnostics(health, status, 0)
     (found,) = typestore().deserialize_cdr(sent.cdr, sent.type).status
     assert (found.level, found.message) == expected
+
+
+def test_lengths_in_pitches_are_not_called_metres(session) -> None:
+    unscaled = replace(session.sensor, scale_is_known=False)
+    sent = RosMessages(unscaled).diagnostics(session.health(), Status.OK, 0)
+    (entry,) = typestore().deserialize_cdr(sent.cdr, sent.type).status
+    assert (entry.level, entry.message) == (1, UNKNOWN_SCALE)
+    session.sensor = unscaled
+    (output,) = open_outputs([f"ros2://skin?domain={DOMAIN}"], session)
+    output.close()
+    assert output.description.endswith(UNKNOWN_SCALE)
 
 
 def test_messages_without_a_reader_are_not_made(session, pressed, monkeypatch: pytest.MonkeyPatch) -> None:
