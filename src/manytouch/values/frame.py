@@ -35,7 +35,7 @@ class Frame:
     arrived_ns: int | None = None
 
     def __post_init__(self) -> None:
-        """Check the image, for which every stage is compiled.
+        """Check the image, for which every stage is compiled; one of a single channel becomes grey.
 
         Raises:
             ArgumentError: it has another type or another number of channels.
@@ -49,6 +49,8 @@ class Frame:
                 f"the image of a frame is of type {kind}: give an array of uint8 or uint16 with the shape "
                 "(h, w), or (h, w, 3) in BGR order"
             )
+        if image is not None and image.ndim == 3 and image.shape[2] == 1:
+            object.__setattr__(self, "image", image[..., 0])
 
     def __repr__(self) -> str:
         if self.image is None:
