@@ -392,7 +392,8 @@ def _require_fit(source: Source, text: str, sensor: Sensor) -> None:
             f"{text} has {views} views, but the sensor {sensor.name!r} has "
             f"{max(len(camera.views), 1)}: name one source for each of its [[views]], in their order"
         )
-    if (camera.width_px, camera.height_px) != (source.width_px, source.height_px):
+    stated = (source.width_px, source.height_px)  # what a source does not state is compared with its frames
+    if None not in stated and stated != (camera.width_px, camera.height_px):
         raise SensorError(
             f"the sensor {sensor.name!r} is for images of {camera.width_px} x {camera.height_px} px, but "
             f"{text} has {source.width_px} x {source.height_px} px: give this camera's sensor file, or none"

@@ -149,6 +149,21 @@ def test_a_rate_for_an_open_source_is_refused_as_it_has_no_effect(tmp_path: Path
     assert not list(tmp_path.iterdir())
 
 
+def test_a_source_need_not_state_the_size_of_its_images() -> None:
+    sensor = prepare(DrawnSource(frames=16), pitch_mm=4.0).sensor
+
+    def unstated() -> DrawnSource:
+        source = DrawnSource(frames=16)
+        source.width_px = source.height_px = None
+        return source
+
+    readings = list(prepare(unstated(), sensor=sensor, method="perimeter").readings())
+    assert [reading.contacts.status for reading in readings] == ["ok"] * 16
+    other = replace(sensor, camera=replace(sensor.camera, width_px=640))
+    with pytest.raises(SensorError, match="is for images of 640 x 240 px, but the input has 320 x 240 px"):
+        prepare(unstated(), sensor=other)
+
+
 def test_stopping_ends_after_the_frame_at_hand(tmp_path: Path) -> None:
     seen = Seen()
     files = process_job(
