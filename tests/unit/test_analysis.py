@@ -34,6 +34,8 @@ grey = frames[0].image
 def frame(image):
     return manytouch.Frame(index=0, timestamp_ns=0, camera="mine", image=image)
 
+rest = manytouch.sensor_from_rest(frames, name="a")
+(surface,) = (reading.surface for reading in pipeline.run(frames, rest))
 calls = [
     lambda: manytouch.open_source(1.5),
     lambda: manytouch.open_source("sim:", fps="30"),
@@ -64,6 +66,9 @@ calls = [
     lambda: frame(grey[0, 0]),
     lambda: frame(np.dstack([grey] * 4)),  # BGRA
     lambda: manytouch.sample(sensor, np.zeros(2), np.zeros(2)),
+    lambda: manytouch.sample(surface, np.zeros(3), np.zeros(2)),
+    lambda: manytouch.sample(surface, *np.meshgrid(np.zeros(3), np.zeros(2))),
+    lambda: manytouch.sample(surface, np.array([np.nan, 0.0]), np.zeros(2)),
     lambda: manytouch.load_sensor(sensor),
     lambda: manytouch.save_sensor("sensor.toml", sensor),
     lambda: manytouch.plot_surface(sensor),

@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float, Float64
 
-from manytouch.errors import SensorError, require_type
+from manytouch.errors import ArgumentError, SensorError, require_type
 from manytouch.geometry.inverse_distance import InverseDistanceSampling, inverse_distance_at
 from manytouch.geometry.sampling import BEYOND_PITCH, GridSampling, PointSampling, sampling_at, sampling_on
 from manytouch.geometry.sheet_face import SheetFace, SplineShape, sheet_face, spline_shape
@@ -86,6 +86,7 @@ def sample(
 
     Raises:
         SensorError: the surface has no layout.
+        ArgumentError: the points are not n finite numbers each.
     """
     require_type("the surface", surface, Surface, "the surface of a reading: reading.surface")
     if surface.layout is None:
@@ -93,7 +94,13 @@ def sample(
             "a surface without a layout cannot be sampled; take it from a reading, or set its layout with "
             "dataclasses.replace(surface, layout=sensor.layout)"
         )
-    point_mm = np.column_stack([np.asarray(x_mm, np.float64), np.asarray(y_mm, np.float64)])
+    x, y = np.atleast_1d(np.asarray(x_mm, np.float64)), np.atleast_1d(np.asarray(y_mm, np.float64))
+    if x.ndim != 1 or x.shape != y.shape or not np.isfinite([x, y]).all():
+        raise ArgumentError(
+            f"x_mm and y_mm have the shapes {x.shape} and {y.shape}: give two arrays of n finite numbers (of "
+            "np.meshgrid: x_mm.ravel(), y_mm.ravel())"
+        )
+    point_mm = np.column_stack([x, y])
     sampler = sampler_at(surface.layout, point_mm)
     displacement_mm = sampler.displacement(surface)
     return SurfaceSample(
