@@ -47,6 +47,8 @@ calls = [
     lambda: manytouch.process(None, out="x"),
     lambda: manytouch.process("sim:", out=3),
     lambda: manytouch.run("press.mp4"),
+    lambda: manytouch.run(manytouch.prepare("sim:", method="perimeter"), print),
+    lambda: manytouch.run(manytouch.prepare("sim:", method="perimeter"), [print]),
     lambda: manytouch.stream("sim:", to="osc://127.0.0.1:9000"),
     lambda: manytouch.stream("sim:", to=None),
     lambda: manytouch.stream("sim:", record=3),

@@ -97,9 +97,13 @@ def run(
         Whether the readings ended by themselves, not by `stop`.
 
     Raises:
+        ArgumentError: something else was given.
         Exception: what source, pipeline or a sink raised.
     """
     require_type("the input of run", readings, Readings, "a job: manytouch.run(manytouch.prepare(source))")
+    require_type("sinks", sinks, (list, tuple), "a list of sinks")
+    for sink in sinks:
+        require_type("a sink", sink, Sink, "an object with write(reading) and close()")
     watch = NoObserver() if observer is None else observer
     is_over = _never if stop is None else stop
     receivers = (*sinks, *readings.own_sinks)
