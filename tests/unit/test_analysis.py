@@ -52,6 +52,7 @@ calls = [
     lambda: manytouch.stream("sim:", to="osc://127.0.0.1:9000"),
     lambda: manytouch.stream("sim:", to=None),
     lambda: manytouch.stream("sim:", record=3),
+    lambda: manytouch.stream("sim:").send("tare"),
     lambda: manytouch.sensor_from_rest("press.mp4", name="a"),
     lambda: manytouch.sensor_from_rest([np.zeros((4, 4))], name="a"),
     lambda: manytouch.sensor_from_rest(frames, name="a", pitch_mm="4"),

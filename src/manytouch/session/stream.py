@@ -5,7 +5,7 @@ from collections.abc import AsyncIterator, Generator, Iterator, Mapping, Sequenc
 from contextlib import ExitStack
 from pathlib import Path
 from types import NoneType, TracebackType
-from typing import Any
+from typing import Any, get_args
 
 from manytouch.errors import ManytouchError, require_type
 from manytouch.pipeline import Controls
@@ -106,6 +106,7 @@ class Stream:
 
     def send(self, command: Command) -> None:
         """Request something, such as `Tare()`; it is carried out between two frames."""
+        require_type("the command", command, get_args(Command), "one of manytouch.values, such as Tare()")
         self._controls.send(command)
 
     def __enter__(self) -> "Stream":
