@@ -277,18 +277,6 @@ class Noise(NamedTuple):
     quantiles: np.ndarray
 
 
-@kernel(forceinline=True)
-@no_type_check
-def _illumination(row: int, column: int, shape: tuple[int, int], light: np.ndarray) -> np.float32:
-    """Relative light on a pixel without spots."""
-    rows, columns = shape
-    y = np.float32((2 * row + 1 - rows) / rows)
-    x = np.float32((2 * column + 1 - columns) / columns)
-    bright = light[3] * (np.float32(1) + light[0] * x + light[1] * y)
-    level: np.float32 = bright * (np.float32(1) - light[2] * np.float32(0.5) * (x * x + y * y))
-    return level
-
-
 @kernel()
 @no_type_check
 def photograph(
@@ -301,7 +289,8 @@ def photograph(
 ) -> None:
     """Fill pixels with a coverage between ground and dot, lit and noisy.
 
-    The noise of a pixel depends on the seed and its place alone.
+    The noise of a pixel depends on the seed and its place alone. Each loop over a row does one thing, so that
+    it becomes SIMD instructions.
 
     Args:
         pixels: (h, w, c) uint8 or uint16, filled.
@@ -312,24 +301,44 @@ def photograph(
         scale: 1 for uint8, 257 for uint16.
     """
     rows, columns, channels = pixels.shape
+    zero, half, one = np.float32(0), np.float32(0.5), np.float32(1)
     largest = np.float32(255.0) * scale
+    tilt_x, tilt_y, vignetting, gain = levels.light[0], levels.light[1], levels.light[2], levels.light[3]
+    constant, per_level = noise.variance[0], noise.variance[1]
     start = _mix_bits(noise.seed + np.uint64(0x9E3779B97F4A7C15))
+    tilted, x2 = np.empty(columns, np.float32), np.empty(columns, np.float32)
+    for column in range(columns):
+        x = np.float32((2 * column + 1 - columns) / columns)
+        tilted[column], x2[column] = tilt_x * x, x * x
+    bright, added, level = (
+        np.empty(columns, np.float32),
+        np.empty(columns, np.float32),
+        np.empty(columns, np.float32),
+    )
     for row in range(rows):
+        y = np.float32((2 * row + 1 - rows) / rows)
+        y2, tilted_y = y * y, tilt_y * y
         for column in range(columns):
-            bright = _illumination(row, column, (rows, columns), levels.light)
-            for spot in range(spots.shadow_x.shape[0]):
-                bright *= np.float32(1) - spots.shadow_x[spot, column] * spots.shadow_y[spot, row]
-            added = np.float32(0)
-            for spot in range(spots.glare_x.shape[0]):
-                added += spots.glare_x[spot, column] * spots.glare_y[spot, row]
-            for channel in range(channels):
-                ground = levels.ground[channel]
-                level = (ground + (levels.dot[channel] - ground) * coverage[row, column]) * bright + added
-                if noise.is_noisy:
-                    place = np.uint64((row * columns + column) * channels + channel)
+            light = gain * (one + tilted[column] + tilted_y)
+            bright[column] = light * (one - vignetting * half * (x2[column] + y2))
+            added[column] = zero
+        for spot in range(spots.shadow_x.shape[0]):
+            for column in range(columns):
+                bright[column] *= one - spots.shadow_x[spot, column] * spots.shadow_y[spot, row]
+        for spot in range(spots.glare_x.shape[0]):
+            for column in range(columns):
+                added[column] += spots.glare_x[spot, column] * spots.glare_y[spot, row]
+        for channel in range(channels):
+            ground = levels.ground[channel]
+            contrast = levels.dot[channel] - ground
+            for column in range(columns):
+                level[column] = (ground + contrast * coverage[row, column]) * bright[column] + added[column]
+            if noise.is_noisy:
+                first = np.uint64(row * columns * channels + channel)
+                for column in range(columns):
+                    place = first + np.uint64(column) * np.uint64(channels)
                     word = _mix_bits(start + place * np.uint64(0x9E3779B97F4A7C15))
-                    variance = noise.variance[0] + noise.variance[1] * max(level, np.float32(0))
-                    level += math.sqrt(variance) * noise.quantiles[word >> np.uint64(48)]
-                pixels[row, column, channel] = min(
-                    max(level * scale + np.float32(0.5), np.float32(0)), largest
-                )
+                    variance = constant + per_level * max(level[column], zero)
+                    level[column] += math.sqrt(variance) * noise.quantiles[word >> np.uint64(48)]
+            for column in range(columns):
+                pixels[row, column, channel] = min(max(level[column] * scale + half, zero), largest)
