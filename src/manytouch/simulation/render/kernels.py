@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from manytouch.compilation import kernel, no_type_check
+from manytouch.compilation import kernel, no_type_check, u64
 
 REACH = 4.5  # standard deviations beyond which the point spread is taken as 0
 TABLE_STEPS = 256  # entries of the profile's table per standard deviation
@@ -123,20 +123,53 @@ def _over_chords(dx: float, blur: float, factor: float, table: np.ndarray, chord
 
 @kernel()
 @no_type_check
-def _along_normal(
-    dx: float, dy: float, mxx: float, mxy: float, myy: float, blur: float, table: np.ndarray
-) -> float:
-    """The blurred ellipse at (dx, dy) from its centre, where its boundary is nearly straight."""
-    gx, gy = mxx * dx + mxy * dy, mxy * dx + myy * dy
-    level = math.sqrt(max(dx * gx + dy * gy, 1e-30))
-    steepness = math.sqrt(gx * gx + gy * gy) / level
-    scaled = (level - 1.0) / steepness / blur
-    if scaled >= REACH:
-        return 0.0
-    if scaled <= -REACH:
-        return 1.0
-    curvature = (mxx * myy - mxy * mxy) / steepness**3
-    return _interpolate(table[0], scaled) - 0.5 * blur * curvature * _interpolate(table[1], scaled)
+def _along_normals(
+    dot: _Ellipse,
+    first: int,
+    x: float,
+    dy: float,
+    table: np.ndarray,
+    work: np.ndarray,
+    parts: np.ndarray,
+    count: int,
+) -> None:
+    """The blurred ellipse at pixels of a row, where its boundary is nearly straight.
+
+    All but the look-up in the table becomes SIMD instructions.
+
+    Args:
+        dot: the ellipse.
+        first: column of the first pixel.
+        x, dy: column of the centre, and row of the pixels from there.
+        table: see `profile_table`.
+        work: (4, k) work space.
+        parts: (k,) result.
+        count: number of pixels.
+    """
+    mxx, mxy, myy, blur, inner, outer = dot.mxx, dot.mxy, dot.myy, dot.blur, dot.inner, dot.outer
+    determinant, last = mxx * myy - mxy * mxy, table.shape[1] - 1
+    place, bend, fixed, is_edge = work[0], work[1], work[2], work[3]
+    for n in range(count):
+        dx = (first + n) - x
+        square = mxx * dx * dx + 2.0 * mxy * dx * dy + myy * dy * dy
+        gx, gy = mxx * dx + mxy * dy, mxy * dx + myy * dy
+        level = math.sqrt(max(dx * gx + dy * gy, 1e-30))
+        steepness = math.sqrt(gx * gx + gy * gy) / level
+        scaled = (level - 1.0) / steepness / blur
+        place[n] = min(max((scaled + REACH) * TABLE_STEPS, 0.0), float(last))
+        curvature = determinant / steepness**3  # infinite in the centre
+        is_out, is_in = scaled >= REACH or square > outer, scaled <= -REACH or square <= inner
+        is_on_edge = not (is_in or is_out)
+        bend[n] = 0.5 * blur * curvature if is_on_edge else 0.0
+        is_edge[n] = 1.0 if is_on_edge else 0.0
+        fixed[n] = 1.0 if is_in and not is_out else 0.0
+    below, density = table[0], table[1]
+    for n in range(count):
+        index = u64(min(int(place[n]), last - 1))
+        share = place[n] - index
+        edge = (1.0 - share) * below[index] + share * below[index + u64(1)]
+        bell = (1.0 - share) * density[index] + share * density[index + u64(1)]
+        parts[n] = fixed[n] + is_edge[n] * (edge - bend[n] * bell)
 
 
 @kernel(forceinline=True)
@@ -153,22 +186,6 @@ def _ellipse(shape: np.ndarray, area: float, blur: float) -> _Ellipse:
     outer = (1.0 + REACH * blur / minor) ** 2
     reach_x, reach_y = math.hypot(a, b) + REACH * blur, math.hypot(c, d) + REACH * blur
     return _Ellipse(ixx, ixy, iyx, iyy, mxx, mxy, myy, blur, is_small, inner, outer, reach_x, reach_y)
-
-
-@kernel(forceinline=True)
-@no_type_check
-def _share_of_pixel(
-    dx: float, dy: float, dot: _Ellipse, factor: float, table: np.ndarray, chords: _Chords
-) -> float:
-    """The blurred ellipse at (dx, dy) from its centre; -1 where it is not reached."""
-    square = dot.mxx * dx * dx + 2.0 * dot.mxy * dx * dy + dot.myy * dy * dy
-    if square > dot.outer:
-        return -1.0
-    if dot.is_small:
-        return _over_chords(dx, dot.blur, factor, table, chords)
-    if square > dot.inner:
-        return _along_normal(dx, dy, dot.mxx, dot.mxy, dot.myy, dot.blur, table)
-    return 1.0
 
 
 @kernel()
@@ -196,6 +213,7 @@ def add_discs(
     rows, columns = coverage.shape
     nodes = NODES.shape[0]
     chords = _Chords(np.empty(nodes), np.empty(nodes), np.empty(nodes), np.empty(nodes))
+    work, parts = np.empty((4, columns)), np.empty(columns)
     for number in range(centre.shape[0]):
         x, y = centre[number, 0], centre[number, 1]
         area = shape[number, 0, 0] * shape[number, 1, 1] - shape[number, 0, 1] * shape[number, 1, 0]
@@ -213,16 +231,25 @@ def add_discs(
                 factor = _find_chords(dy, dot, table, chords)
                 if factor == 0.0:
                     continue
-            for column in range(first_column, min(last_column, columns)):
-                dx = column - x
-                part = _share_of_pixel(dx, dy, dot, factor, table, chords)
-                if part < 0.0:
-                    continue
-                if normal_px > 0.0 and math.isfinite(cut_at):
+            count = max(min(last_column, columns) - first_column, 0)
+            if dot.is_small:
+                for n in range(count):
+                    dx = (first_column + n) - x
+                    square = dot.mxx * dx * dx + 2.0 * dot.mxy * dx * dy + dot.myy * dy * dy
+                    parts[n] = (
+                        0.0 if square > dot.outer else _over_chords(dx, dot.blur, factor, table, chords)
+                    )
+            else:
+                _along_normals(dot, first_column, x, dy, table, work, parts, count)
+            if normal_px > 0.0 and math.isfinite(cut_at):
+                for n in range(count):
+                    dx = (first_column + n) - x
                     along_x, along_y = dot.ixx * dx + dot.ixy * dy, dot.iyx * dx + dot.iyy * dy
                     along = cut_x * along_x + cut_y * along_y
-                    part *= _interpolate(table[0], (along - cut_at) / normal_px / dot.blur)
-                coverage[row, column] += (1.0 - coverage[row, column]) * part * contrast[number]
+                    parts[n] *= _interpolate(table[0], (along - cut_at) / normal_px / dot.blur)
+            for n in range(count):
+                column = first_column + n
+                coverage[row, column] += (1.0 - coverage[row, column]) * parts[n] * contrast[number]
 
 
 @kernel()
