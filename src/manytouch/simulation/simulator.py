@@ -1,6 +1,8 @@
 """The simulated sensor: images of a scene by its camera, and the ground truth."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float32, Float64
@@ -29,6 +31,22 @@ DEMO_LOOK = Look(tilt_x=0.12, tilt_y=-0.08, vignetting=0.25, read_noise=1.2, sho
 SMEAR_PX = 0.5
 """A moving dot is drawn this often along its way during the exposure."""
 MOST_SMEARS = 16
+FRAMES_KEPT = 2
+"""Frames whose dots are kept: after the picture of a frame its truth is needed."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _DrawnDots:
+    """Dots and dust at a time.
+
+    Attributes:
+        corner_mm: (n, 3) first corner of the outline of each, sheet frame.
+        centre_px, shape_px: (n, 2) and (n, 2, 2) as `render_discs` takes.
+    """
+
+    corner_mm: Points3
+    centre_px: Points2
+    shape_px: Covariances2
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -61,6 +79,7 @@ class Simulator:
     _of_surface: PointMotion = field(init=False, repr=False)
     _outline_mm: Points3 = field(init=False, repr=False)
     _outline: PointMotion = field(init=False, repr=False)
+    _drawn_dots: Callable[[float], _DrawnDots] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         layout, sheet = self._layout, self._sheet
@@ -75,6 +94,7 @@ class Simulator:
         object.__setattr__(self, "_of_surface", self._motion_of(rest_mm))
         object.__setattr__(self, "_outline_mm", outline_mm)
         object.__setattr__(self, "_outline", self.scene.motion_of(corner_mm, layout.height_mm))
+        object.__setattr__(self, "_drawn_dots", lru_cache(FRAMES_KEPT)(self._draw_dots))
 
     @property
     def frame_count(self) -> int:
@@ -110,10 +130,9 @@ class Simulator:
             covariance_mm2=read_only(np.zeros((count, 3, 3))),
             layout=layout,
         )
-        centre_px, _ = self._dot_ellipses(self._outline_at(time_s)[: count * CORNERS])
         return Truth(
             frame_index=index,
-            grid=self._grid(centre_px, index),
+            grid=self._grid(self._drawn_dots(time_s).centre_px[:count], index),
             surface=surface,
             contacts=self._contacts(index),
         )
@@ -146,34 +165,34 @@ class Simulator:
         """Pixels of points of the sheet frame, through the window of a pad."""
         return project_through_window(self.sensor.camera, self._sheet, point_mm)
 
-    def _dot_ellipses(self, outline_mm: Float64[np.ndarray, "corners 3"]) -> tuple[Points2, Covariances2]:
-        """As `render.dot_ellipses`, through the window of a pad."""
-        return polygon_ellipses(self._project(outline_mm).reshape(-1, CORNERS, 2))
+    def _draw_dots(self, time_s: float) -> _DrawnDots:
+        """All dots and dust: as `render.dot_ellipses`, through the window of a pad."""
+        outline_mm = self._outline_at(time_s)
+        centre_px, shape_px = polygon_ellipses(self._project(outline_mm).reshape(-1, CORNERS, 2))
+        return _DrawnDots(corner_mm=outline_mm[::CORNERS], centre_px=centre_px, shape_px=shape_px)
 
     def _coverage(self, time_s: float) -> Float32[np.ndarray, "h w"]:
         """How much of each pixel's light comes from dots, over the exposure."""
-        outline_mm = self._outline_at(time_s)
         if self.optics.exposure_s == 0.0:
-            return self._covered(outline_mm)
+            return self._covered(time_s)
         half_s = 0.5 * self.optics.exposure_s
         ends = [self._project(self._outline_at(time_s + s)) for s in (-half_s, half_s)]
         count = int(np.clip(np.ceil(np.nanmax(np.abs(ends[1] - ends[0])) / SMEAR_PX), 1, MOST_SMEARS))
         shares = (2.0 * np.arange(count) + 1.0) / count - 1.0
-        total = self._covered(self._outline_at(time_s + half_s * shares[0]))
+        total = self._covered(time_s + half_s * shares[0])
         for share in shares[1:]:
-            total += self._covered(self._outline_at(time_s + half_s * share))
+            total += self._covered(time_s + half_s * share)
         return np.asarray(total / np.float32(count))
 
-    def _covered(self, outline_mm: Points3) -> Float32[np.ndarray, "h w"]:
+    def _covered(self, time_s: float) -> Float32[np.ndarray, "h w"]:
         camera, faults = self.sensor.camera, self._faults
-        dust = len(faults.dust_mm)
-        centre_px, shape_px = self._dot_ellipses(outline_mm)
+        dust, dots = len(faults.dust_mm), self._drawn_dots(time_s)
         return disc_coverage(
-            centre_px,
-            shape_px,
+            dots.centre_px,
+            dots.shape_px,
             width_px=camera.width_px,
             height_px=camera.height_px,
-            blur_px=self.optics.blurs_px(camera, outline_mm[::CORNERS]),
+            blur_px=self.optics.blurs_px(camera, dots.corner_mm),
             contrast=np.concatenate([faults.is_printed, np.ones(dust)]),
             cut=np.concatenate([faults.cut, np.tile([0.0, 0.0, np.inf], (dust, 1))]),
         )

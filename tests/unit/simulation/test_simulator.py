@@ -10,6 +10,7 @@ from manytouch.geometry.camera import project
 from manytouch.geometry.refraction import project_through_window
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.render.discs import Look
+from manytouch.simulation.render.dot_ellipses import polygon_ellipses
 from manytouch.simulation.simulator import Simulator
 from manytouch.sources.simulated import simulated_source
 from manytouch.values import Phase
@@ -42,6 +43,23 @@ def test_truth_is_where_the_picture_shows_the_dots() -> None:
         rows, columns = np.indices(window.shape)
         found = np.array([(columns * window).sum(), (rows * window).sum()]) / window.sum() + [x - 15, y - 15]
         assert found == pytest.approx(truth.grid.position_px[marker], abs=0.01)
+
+
+def test_the_truth_of_a_frame_has_the_dots_of_its_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are drawn once: a viewer that compares needs the truth of each frame after its picture."""
+    drawn = []
+
+    def observed(corner_px: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        drawn.append(len(corner_px))
+        return polygon_ellipses(corner_px)
+
+    monkeypatch.setattr("manytouch.simulation.simulator.polygon_ellipses", observed)
+    watched = replace(fingers(), look=fingers().look)
+    watched.frame(BUSY)
+    seen_px = watched.truth(BUSY).grid.position_px
+    assert len(drawn) == 1
+    assert np.abs(seen_px - watched.truth(0).grid.position_px).max() > 5.0, "another frame has others"
+    assert len(drawn) == 2
 
 
 TURNED, DRAGGED = 48, 40
