@@ -7,9 +7,10 @@ that outline, thickness, Poisson's ratio and Young's modulus are exact. With --w
 sensor files. With --drawn, Poisson's ratio, thickness and depth of the markers have random errors with the
 deviations of the nominal files from which `pads_calibrated` begins, without its calibration, and the file
 states these deviations. With --linear, forces are those of the linear pad. Radial shear is that of the fit
-over its normal force, negative towards the centre, as where an object sticks. Each state is a new start from
-rest, or, with --path, follows the one before. Cases that no constant was chosen on are left out unless
---held-out is given. The solved presses are those of the package.
+over its normal force, negative towards the centre, as where an object sticks. A torque is printed where the
+true one is 0.1 N mm or more. Each state is a new start from rest, or, with --path, follows the one before.
+Cases that no constant was chosen on are left out unless --held-out is given. The solved presses are those of
+the package.
 
     .venv/bin/python benchmarks/pads.py
     .venv/bin/python benchmarks/pads.py --wrong-file
@@ -37,7 +38,7 @@ from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.simulator import Simulator
 from manytouch.values import Contact, Sensor, TrackedGrid
 
-NOISE_PX, MATCH_MM = 0.02, 3.0
+NOISE_PX, MATCH_MM, LEAST_NMM = 0.02, 3.0, 0.1
 
 
 class Row(NamedTuple):
@@ -118,12 +119,14 @@ def rows_of(
         rows.append(row)
         nearest = np.linalg.norm(patches.parameters[:, :2] - found.centre_mm, axis=1).argmin()
         radial = patches.parameters[nearest, RADIAL_SHEAR]
+        torque = f"torque {found.torque_Nmm:+.2f}, true {true.torque_Nmm:+.2f} N mm  "
+        torque = torque if abs(true.torque_Nmm) >= LEAST_NMM else ""
         print(
             f"{label} {press_N:8.3f} N {row.force:+6.1f} % ({row.force_stds:+.1f} std)  "
             f"centre {row.away_mm:.2f} mm  shear off {row.shear:5.1f} %, true "
             f"{100.0 * np.linalg.norm(true.force_N[:2]) / press_N:3.0f} % of the force  "
             f"depth {row.depth:+6.1f} % ({row.depth_stds:+.1f} std)  "
-            f"radial {radial:+.2f}  contacts {len(touching)}"
+            f"{torque}radial {radial:+.2f}  contacts {len(touching)}"
         )
     return rows
 

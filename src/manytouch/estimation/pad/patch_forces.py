@@ -42,6 +42,16 @@ def load_of(
 
 @kernel()
 @no_type_check
+def image_load_of(
+    parameters: Float64[np.ndarray, "10"], gain: float
+) -> tuple[float, float, float, float, float, float, float]:
+    """`load_of` with the gain of the turn by `spread_of`."""
+    press, shear_x, shear_y, turn, xx, yx, yy = load_of(parameters)
+    return press, shear_x, shear_y, gain * turn, xx, yx, yy
+
+
+@kernel()
+@no_type_check
 def add_tractions(
     parameters: Float64[np.ndarray, "10"],
     profile: int,

@@ -100,6 +100,16 @@ def _quadrature(profile: Profile, rings: int, count: int) -> Float64[np.ndarray,
     return points
 
 
+def _far(points: Float64[np.ndarray, "q 3"]) -> Float64[np.ndarray, "7 3"]:
+    """Points x, y, weight with the moments of others up to the fifth order, for patches far away."""
+    fourth = float((points[:, 2] * (points[:, :2] ** 2).sum(axis=1) ** 2).sum())
+    radius = np.sqrt(fourth / 2.0)
+    share = 2.0 / radius**2
+    angle = 2.0 * np.pi * np.arange(6) / 6.0
+    ring = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(6, share / 6.0)], axis=-1)
+    return np.vstack([[0.0, 0.0, 1.0 - share], ring])
+
+
 def _quadratures(rings: int, count: int) -> Float64[np.ndarray, "3 q 3"]:
     """`_quadrature` of each profile."""
     return np.stack([_quadrature(profile, rings, count) for profile in Profile])
@@ -108,12 +118,17 @@ def _quadratures(rings: int, count: int) -> Float64[np.ndarray, "3 q 3"]:
 POINTS = _quadratures(3, 8)
 """(3, q, 3) quadratures of each profile, for Gaussians at their points, and for nodal forces of narrow
 patches."""
+FAR_POINTS = np.stack([_far(points) for points in POINTS])
+"""(3, 7, 3) for each profile."""
 DENSE_POINTS, DENSEST_POINTS = _quadratures(9, 27), _quadratures(15, 45)
 """For nodal forces of patches with roots of more than `_DENSE` and `_DENSEST` elements, on which fewer points
 would be separate loads."""
 _GAUSSIAN_ROOT_SHARE = np.array([0.5, 0.25, 0.2])
 """Roots of the Gaussians that make up a patch of each profile, over its own: as narrow as the distance of
 their places allows."""
+_LEAST_PLACED = 0.16
+"""Least trace of the second moment of the places of the Gaussians over that of their patch in the gain of
+`spread_of`. The narrowest patches are below it: they are one Gaussian, which cannot turn."""
 _DENSE, _DENSEST = 0.75, 2.5
 
 
@@ -219,8 +234,12 @@ def add_pressure(
 @no_type_check
 def spread_of(
     shape: Float64[np.ndarray, " k"], profile: int, least_mm: float, most_mm: float
-) -> tuple[float, float, float, float]:
-    """Root of the Gaussians that make up a patch, and the triangular root xx, yx, yy of their places."""
+) -> tuple[float, float, float, float, float]:
+    """Root of the Gaussians that make up a patch, the triangular root xx, yx, yy of their places, and a gain.
+
+    A Gaussian has the turning shear of its place, and none that grows across it, so that the Gaussians lack a
+    part of the torque. The gain of the turn makes up for it.
+    """
     a, b, c = shape[ROOT_XX], shape[ROOT_YX], shape[ROOT_YY]
     xx, yx, yy = a * a, a * b, b * b + c * c
     least = 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) * (xx - yy) + yx * yx)
@@ -229,22 +248,23 @@ def spread_of(
     root_xx = np.sqrt(max(1e-4 * (xx + yy), xx - blob * blob))
     root_yx = yx / root_xx
     root_yy = np.sqrt(max(1e-4 * (xx + yy), yy - blob * blob - root_yx * root_yx))
-    return blob, root_xx, root_yx, root_yy
+    placed = root_xx * root_xx + root_yx * root_yx + root_yy * root_yy
+    return blob, root_xx, root_yx, root_yy, (xx + yy) / max(placed, _LEAST_PLACED * (xx + yy))
 
 
 @kernel()
 @no_type_check
 def _spread_points(
     shape: Float64[np.ndarray, "5"], profile: int, least_mm: float, most_mm: float
-) -> tuple[float, Float64[np.ndarray, "q 3"]]:
-    """Root of the Gaussians that make up a patch, and their places from its centre with their weights."""
-    blob, root_xx, root_yx, root_yy = spread_of(shape, profile, least_mm, most_mm)
+) -> tuple[float, Float64[np.ndarray, "q 3"], float]:
+    """Root of the Gaussians of a patch, their places from its centre with their weights, and their gain."""
+    blob, root_xx, root_yx, root_yy, gain = spread_of(shape, profile, least_mm, most_mm)
     points = POINTS[profile]
     away = points.copy()
     for k in range(len(points)):
         away[k, 0] = root_xx * points[k, 0]
         away[k, 1] = root_yx * points[k, 0] + root_yy * points[k, 1]
-    return blob, away
+    return blob, away, gain
 
 
 @kernel()
@@ -266,7 +286,7 @@ def add_layer_images(
         image: result, for a normal force along -z, shear along x and y, for shear of y and x from the centre
             (a turn), and for radial shear (`radial_arms`), all in proportion to the pressure.
     """
-    blob, away = _spread_points(shape, profile, table.root[0], table.root[-1])
+    blob, away, gain = _spread_points(shape, profile, table.root[0], table.root[-1])
     place = np.log(blob / table.root[0]) / np.log(table.root[1] / table.root[0])
     low = min(int(place), len(table.root) - 2)
     above = place - low
@@ -316,6 +336,7 @@ def add_layer_images(
         total[4, 0] = arm_xx * x_xx + arm_yx * (y_xx + x_xy) + arm_yy * y_xy
         total[4, 1] = arm_xx * x_xy + arm_yx * (y_xy + x_yy) + arm_yy * y_yy
         total[4, 2] = arm_xx * x_xz + arm_yx * (y_xz + x_yz) + arm_yy * y_yz
+        total[3] *= gain
         for load in range(5):
             for axis in range(2):
                 for j in range(3):

@@ -1,7 +1,7 @@
 """Marker images of a patch under its own loads, and their derivatives by its parameters, compiled.
 
-Both are sums over the points of a quadrature. Markers far from a patch get the few points of `FAR`, which
-have the moments of `POINTS` up to the fifth order.
+Both are sums over the points of a quadrature. Markers far from a patch get the few points of `FAR_POINTS`,
+which have the moments of `POINTS` up to the fifth order.
 """
 
 from typing import NamedTuple
@@ -19,11 +19,12 @@ from manytouch.estimation.pad.patch_forces import (
     TORQUE,
     add_scaled,
     add_tractions,
-    load_of,
+    image_load_of,
 )
 from manytouch.estimation.pad.patch_kernels import (
     CENTRE_X,
     CENTRE_Y,
+    FAR_POINTS,
     POINTS,
     ROOT_XX,
     ROOT_YX,
@@ -57,20 +58,6 @@ class PatchPad(NamedTuple):
     table: LayerTable
     markers: Markers
     by_sides: Float64[np.ndarray, "3 nx ny r"]
-
-
-def _far(points: Float64[np.ndarray, "q 3"]) -> Float64[np.ndarray, "7 3"]:
-    """Points x, y, weight with the moments of others up to the fifth order, for patches far away."""
-    fourth = float((points[:, 2] * (points[:, :2] ** 2).sum(axis=1) ** 2).sum())
-    radius = np.sqrt(fourth / 2.0)
-    share = 2.0 / radius**2
-    angle = 2.0 * np.pi * np.arange(6) / 6.0
-    ring = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(6, share / 6.0)], axis=-1)
-    return np.vstack([[0.0, 0.0, 1.0 - share], ring])
-
-
-FAR = np.stack([_far(points) for points in POINTS])
-"""(3, 7, 3) for each profile."""
 
 
 @kernel()
@@ -113,12 +100,12 @@ def _along_radius(
 @no_type_check
 def _place_points(
     points: Float64[np.ndarray, "q 3"],
-    spread: tuple[float, float, float, float],
+    spread: tuple[float, float, float, float, float],
     load: tuple[float, float, float, float, float, float, float],
     placed: Float64[np.ndarray, "q 5"],
 ) -> None:
     """Places of the points from the centre, their weights, and their tractions along x and y."""
-    _, xx, yx, yy = spread
+    _, xx, yx, yy, _ = spread
     _, shear_x, shear_y, turn, arm_xx, arm_yx, arm_yy = load
     for k in range(len(points)):
         ax, ay = xx * points[k, 0], yx * points[k, 0] + yy * points[k, 1]
@@ -129,9 +116,9 @@ def _place_points(
 
 @kernel()
 @no_type_check
-def _far_from(spread: tuple[float, float, float, float], reach_mm: float) -> tuple[float, float]:
+def _far_from(spread: tuple[float, float, float, float, float], reach_mm: float) -> tuple[float, float]:
     """Squared distances between which a marker is far from a patch; the layer ends at `reach_mm`."""
-    blob, xx, yx, yy = spread
+    blob, xx, yx, yy, _ = spread
     trace, area = xx * xx + yx * yx + yy * yy, xx * yy
     largest = 0.5 * trace + np.sqrt(max(0.25 * trace * trace - area * area, 0.0)) + blob * blob
     inside_mm = max(reach_mm - _EXTENT * np.sqrt(largest), 0.0)
@@ -152,11 +139,12 @@ def add_image(
         image: result.
     """
     table, markers = pad.table, pad.markers
-    spread, load = spread_of(parameters, profile, table.root[0], table.root[-1]), load_of(parameters)
+    spread = spread_of(parameters, profile, table.root[0], table.root[-1])
+    load = image_load_of(parameters, spread[4])
     count = table.value.shape[1]
     along, by_root = np.empty((count, 5)), np.empty((count, 5))
     _along_radius(table, spread[0], along, by_root)
-    points, far_points = POINTS[profile], FAR[profile]
+    points, far_points = POINTS[profile], FAR_POINTS[profile]
     near, far = np.empty((len(points), 5)), np.empty((len(far_points), 5))
     _place_points(points, spread, load, near)
     _place_points(far_points, spread, load, far)
@@ -203,7 +191,7 @@ def add_image(
 @kernel()
 @no_type_check
 def _spread_slopes(
-    parameters: Float64[np.ndarray, "10"], profile: int, table: LayerTable, slope: Float64[np.ndarray, "3 4"]
+    parameters: Float64[np.ndarray, "10"], profile: int, table: LayerTable, slope: Float64[np.ndarray, "3 5"]
 ) -> None:
     """Derivatives of the spread of points by the three roots of the shape."""
     moved = parameters.copy()
@@ -214,7 +202,7 @@ def _spread_slopes(
         moved[ROOT_XX + j] = parameters[ROOT_XX + j] - step
         below = spread_of(moved, profile, table.root[0], table.root[-1])
         moved[ROOT_XX + j] = parameters[ROOT_XX + j]
-        for k in range(4):
+        for k in range(5):
             slope[j, k] = (above[k] - below[k]) / (2.0 * step)
 
 
@@ -232,12 +220,13 @@ def fill_slopes(  # noqa: PLR0915 - one pass over all pairs of markers and point
         slope: result; the last row is for unit radial shear as a force.
     """
     table, markers = pad.table, pad.markers
-    spread, load = spread_of(parameters, profile, table.root[0], table.root[-1]), load_of(parameters)
-    chain, count = np.empty((3, 4)), table.value.shape[1]
+    spread = spread_of(parameters, profile, table.root[0], table.root[-1])
+    load = image_load_of(parameters, spread[4])
+    chain, count = np.empty((3, 5)), table.value.shape[1]
     _spread_slopes(parameters, profile, table, chain)
     along, by_root = np.empty((count, 5)), np.empty((count, 5))
     _along_radius(table, spread[0], along, by_root)
-    points, far_points = POINTS[profile], FAR[profile]
+    points, far_points = POINTS[profile], FAR_POINTS[profile]
     near, far = np.empty((len(points), 5)), np.empty((len(far_points), 5))
     _place_points(points, spread, load, near)
     _place_points(far_points, spread, load, far)
@@ -248,7 +237,7 @@ def fill_slopes(  # noqa: PLR0915 - one pass over all pairs of markers and point
     radial, arm_slope = press * parameters[RADIAL_SHEAR], np.empty((3, 3))
     radial_arm_slopes(parameters, arm_slope)
     by_arm = np.empty((3, 3))
-    total, by_load, by_spread = np.empty((PARAMETER_COUNT, 3)), np.empty((4, 3)), np.empty((4, 3))
+    total, by_load, by_spread = np.empty((PARAMETER_COUNT, 3)), np.empty((4, 3)), np.empty((5, 3))
     for m in range(len(markers.place)):
         px, py = markers.place[m, 0] - parameters[CENTRE_X], markers.place[m, 1] - parameters[CENTRE_Y]
         is_far = near2 < px * px + py * py < far2
@@ -335,18 +324,20 @@ def fill_slopes(  # noqa: PLR0915 - one pass over all pairs of markers and point
         by_spread[3, 0] = arm_yy * q_xy + (arm_yx - turn) * q_xx - qgy0
         by_spread[3, 1] = arm_yy * q_yy + (arm_yx - turn) * q_xy - qgy1
         by_spread[3, 2] = arm_yy * q_yz + (arm_yx - turn) * q_xz - qgy2
+        for axis in range(3):
+            by_spread[4, axis] = turn / spread[4] * by_load[3, axis]
         for j in range(3):
             for axis in range(3):
                 value = -2.0 * parameters[ROOT_XX + j] * scale_turn * turn * by_load[3, axis]
                 for k in range(3):
                     value += radial * arm_slope[j, k] * by_arm[k, axis]
-                for k in range(4):
+                for k in range(5):
                     value += chain[j, k] * by_spread[k, axis]
                 total[ROOT_XX + j, axis] = value
         for axis in range(3):
             for number in range(3):
                 total[FORCE + number, axis] = by_load[number, axis]
-            total[TORQUE, axis] = scale_turn * by_load[3, axis]
+            total[TORQUE, axis] = spread[4] * scale_turn * by_load[3, axis]
             total[RADIAL_SHEAR, axis] = (
                 unit_xx * by_arm[0, axis] + unit_yx * by_arm[1, axis] + unit_yy * by_arm[2, axis]
             )

@@ -13,8 +13,8 @@ from manytouch.estimation.pad.patch_forces import (
     add_answers,
     fill_effects,
 )
-from manytouch.estimation.pad.patch_kernels import POINTS, Profile
-from manytouch.estimation.pad.patch_slopes import FAR, PatchPad, add_image, fill_slopes
+from manytouch.estimation.pad.patch_kernels import FAR_POINTS, POINTS, Profile
+from manytouch.estimation.pad.patch_slopes import PatchPad, add_image, fill_slopes
 from manytouch.estimation.pad.patch_steps import prior_terms
 
 CONTACT = np.array([2.1, -1.0, 1.1, 0.2, 0.9, 0.3, 0.1, -0.05, 0.02, -0.1])
@@ -41,7 +41,8 @@ def unit_images_px(state: PadState, profile: Profile, *shape: float) -> np.ndarr
 def test_few_points_have_the_moments_of_many(profile: Profile) -> None:
     for x_power, y_power in ((0, 0), (1, 0), (2, 0), (1, 1), (0, 2), (3, 0), (4, 0), (2, 2), (1, 3), (3, 2)):
         few, many = (
-            p[:, 2] @ (p[:, 0] ** x_power * p[:, 1] ** y_power) for p in (FAR[profile], POINTS[profile])
+            p[:, 2] @ (p[:, 0] ** x_power * p[:, 1] ** y_power)
+            for p in (FAR_POINTS[profile], POINTS[profile])
         )
         np.testing.assert_allclose(few, many, atol=1e-9)
 
