@@ -122,6 +122,9 @@ class PadContacts:
             the square root of the trace of the contact's second moment.
         depth_share: standard deviation of the depth that the model does not explain, over the depth.
         depth_pitch: standard deviation of the depth that the model does not explain, in pitches.
+        dragged_face: standard deviation of the depth of a flat face over it, where its shear and turn are as
+            large as its normal force; proportional to them. A face that sticks has them nearer to its rim
+            than one that slides, and then looks wider and less deep.
         force_share: standard deviation of the normal force that the model does not explain, over it.
         stiffening: by how much the normal force of a large strain exceeds that of the linear pad, over it,
             where the depth is one thickness; proportional to it. Chosen for the least mean error over 3-D
@@ -149,6 +152,7 @@ class PadContacts:
     position_root: float = 0.08
     depth_share: float = 0.12
     depth_pitch: float = 0.002
+    dragged_face: float = 0.5
     force_share: float = 0.05
     stiffening: float = 0.35
     sticking: float = 0.6
@@ -224,10 +228,12 @@ class PadContacts:
         footprint = _on_pad(self.footprints(clusters, number, model.pitch_mm), model)
         area_mm2 = footprint.area_mm2
         root_trace_mm = float(np.linalg.norm(parameters[ROOT_XX:SHAPE]))
-        place_mm = np.hypot(self.position_pitch * model.pitch_mm, self.position_root * root_trace_mm)
         std, width = np.zeros(len(ESTIMATES)), root_trace_mm / model.thickness_mm
-        std[:2] = place_mm
+        std[:2] = np.hypot(self.position_pitch * model.pitch_mm, self.position_root * root_trace_mm)
         depth_share = self._unexplained(self.depth_share, strain, width)
+        if profile == Profile.FLAT:
+            dragged_mm2 = np.hypot(*parameters[SHEAR_X:TORQUE]) + abs(parameters[TORQUE]) / root_trace_mm
+            depth_share = np.hypot(depth_share, self.dragged_face * dragged_mm2 / max(press_mm2, 1e-9))
         std[_DEPTH] = np.hypot(depth_share * depth_mm, self.depth_pitch * model.pitch_mm)
         std[_FORCES] = (
             self.shear_share * press_mm2,
@@ -278,14 +284,10 @@ def _depth(
 ) -> tuple[float, Float64[np.ndarray, "8 p"], Float64[np.ndarray, "3"]]:
     """Largest depth of a contact; derivatives of `ESTIMATES`; displacement of its centre.
 
-    A rigid flat face is everywhere as deep. By the reciprocity of E. Betti 1872, it is as deep as the mean of
-    the displacement by any traction with its force, weighted with its own traction. With the fitted one for
-    both, the error is of second order in that of the traction: the work over the force.
-
-    The derivatives are by the parameters of the contact, then by those of the pad. Areas have none. An object
-    that sticks moves the face alike everywhere, unlike a shear in proportion to the pressure. Likewise, it
-    moves it by the mean of the latter, weighted with its own shear, 1 / sqrt(a^2 - r^2) on a disc of radius a
-    on a half-space: to second order in r, the mean at r = sqrt(2 / 3) a.
+    A rigid flat face is everywhere as deep as the work of its traction over its force (E. Betti 1872).
+    The derivatives are by the parameters of the contact, then by those of the pad. Areas have none.
+    An object that sticks moves the face by the mean displacement of a shear like the pressure, weighted with
+    its own, 1 / sqrt(a^2 - r^2) on a disc on a half-space: to second order, that at r = sqrt(2 / 3) a.
     """
     parameters, profile = read_only_view(fit.patches.parameters)[number], int(fit.patches.profile[number])
     root = np.array([[parameters[ROOT_XX], 0.0], [parameters[ROOT_YX], parameters[ROOT_YY]]])
@@ -354,11 +356,9 @@ def _basis(
 
 
 def _unresolved_depth(model: BondedPadModel, parameters: np.ndarray, profile: int) -> float:
-    """Depth at the centre of a patch that its nodes cannot show, after that of a half-space.
+    """Depth at the centre of a patch on a half-space that its nodes cannot show.
 
-    The centre of a patch of radius a on a half-space is c (1 - nu^2) F / (pi a E) deep; c is 8 / 3 for a
-    dome, pi / 2 for a rigid flat face, 1 for a pressure on the rim. The elements widen the root of a
-    second moment to the root of its square plus that of `_ELEMENT_ROOT` elements.
+    To the square of the root of a second moment they add that of `_ELEMENT_ROOT` elements.
     """
     root_mm = float(np.sqrt(abs(parameters[ROOT_XX] * parameters[ROOT_YY])))
     wide_mm = float(np.hypot(root_mm, _ELEMENT_ROOT * max(model.grid.step_x, model.grid.step_y)))

@@ -169,6 +169,24 @@ def test_the_force_of_a_flat_face_that_sticks_grows_as_a_thin_pad_stiffens(
     assert found.normal_force_over_E_mm2 == pytest.approx(ratio * float(fit.force_mm2[0]))
 
 
+@pytest.mark.parametrize("profile", [Profile.DOME, Profile.FLAT])
+@pytest.mark.parametrize("loads", [(0.3, 0.4, 0.0), (0.0, 0.0, -0.5 * np.sqrt(2.0) * 2.4)])
+def test_the_depth_of_a_flat_face_that_is_dragged_or_turned_is_less_certain(
+    pad_state: PadState, profile: Profile, loads: tuple[float, float, float]
+) -> None:
+    """By half of half its depth, where shear or turn are half the normal force."""
+    fit = PadEstimator().fit_frame(pad_state, grid_at(pressed_px(pad_state, ONE), noise_px=0.01, seed=0))
+    one = np.array([[0.5, -0.5, 2.4, 0.0, 2.4, 1.0, *loads, -0.2]])
+    fit = replace(fit, patches=patches(one, profile), sheet=np.zeros_like(fit.sheet))
+    shape = pad_shape(pad_state.model, fit)
+    found, usual = (
+        PadContacts(dragged_face=share)(pad_state.model, fit, shape)[0].std("depth") for share in (0.5, 0.0)
+    )
+    (contact,) = PadContacts()(pad_state.model, fit, shape)
+    more_mm = 0.25 * contact.depth_mm / contact.normal_force_over_E_mm2 if profile is Profile.FLAT else 0.0
+    assert found == pytest.approx(np.hypot(usual, more_mm))
+
+
 def test_two_contacts_are_two(pad_state: PadState) -> None:
     two = np.vstack([ONE, [-5.0, 2.0, 0.7, 0.0, 0.7, 1.2, 0.0, 0.1, 0.0, 0.0]])
     _, _, contacts = steps(pad_state, pressed_px(pad_state, two))
