@@ -31,8 +31,8 @@ DEMO_LOOK = Look(tilt_x=0.12, tilt_y=-0.08, vignetting=0.25, read_noise=1.2, sho
 SMEAR_PX = 0.5
 """A moving dot is drawn this often along its way during the exposure."""
 MOST_SMEARS = 16
-FRAMES_KEPT = 2
-"""Frames whose dots are kept: after the picture of a frame its truth is needed."""
+FRAMES_KEPT = 16
+"""Frames whose dots are kept: the truth of a frame is needed some frames after its picture."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
