@@ -140,6 +140,25 @@ def test_labels_cover_neither_each_other_nor_the_colour_bar(
     page.close()
 
 
+@pytest.mark.parametrize("size", [(1280, 800), pytest.param((390, 844), marks=pytest.mark.slow)])
+def test_the_tools_for_pressing_do_not_cover_the_colour_bar(
+    browser: Browser, shown: tuple[FakeSession, Viewer], size: tuple[int, int]
+) -> None:
+    session, viewer = shown
+    session.now = replace(session.now, can_press=True)
+    viewer.write(reading_of(1))
+    page = opened_page(browser, viewer, size)
+    page.evaluate("document.querySelector('[data-mode=press]').click()")
+    wait(page, "!document.getElementById('press-tools').hidden && !document.getElementById('scale').hidden")
+    tools, scale, pane = page.evaluate(
+        "['press-tools', 'scale', 'scene'].map((id) => document.getElementById(id).getBoundingClientRect())"
+        ".map(({ left, top, right, bottom }) => [left, top, right, bottom])"
+    )
+    assert tools[3] <= scale[1] or tools[0] >= scale[2], (tools, scale)
+    assert pane[0] <= tools[0] < tools[2] <= pane[2], (tools, pane)
+    page.close()
+
+
 @pytest.mark.parametrize(
     "size",
     [
