@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from jaxtyping import Float32, Float64
@@ -14,6 +14,7 @@ from manytouch.simulation.render.optics import IN_FOCUS, Faults, ImagingSettings
 from manytouch.simulation.scene.deformation import TrueContact
 from manytouch.simulation.scene.moving_sheet import MovingSheet, PointMotion
 from manytouch.values import (
+    Camera,
     Contact,
     Contacts,
     Frame,
@@ -94,7 +95,9 @@ class Simulator:
         object.__setattr__(self, "_of_surface", self._motion_of(rest_mm))
         object.__setattr__(self, "_outline_mm", outline_mm)
         object.__setattr__(self, "_outline", self.scene.motion_of(corner_mm, layout.height_mm))
-        object.__setattr__(self, "_drawn_dots", lru_cache(FRAMES_KEPT)(self._draw_dots))
+        # without a reference to this value, which would keep it and its scene until garbage is searched for
+        draw = partial(_draw_dots, self.sensor.camera, sheet, self._outline_mm, self._outline)
+        object.__setattr__(self, "_drawn_dots", lru_cache(FRAMES_KEPT)(draw))
 
     @property
     def frame_count(self) -> int:
@@ -164,12 +167,6 @@ class Simulator:
     def _project(self, point_mm: Points3) -> Points2:
         """Pixels of points of the sheet frame, through the window of a pad."""
         return project_through_window(self.sensor.camera, self._sheet, point_mm)
-
-    def _draw_dots(self, time_s: float) -> _DrawnDots:
-        """All dots and dust: as `render.dot_ellipses`, through the window of a pad."""
-        outline_mm = self._outline_at(time_s)
-        centre_px, shape_px = polygon_ellipses(self._project(outline_mm).reshape(-1, CORNERS, 2))
-        return _DrawnDots(corner_mm=outline_mm[::CORNERS], centre_px=centre_px, shape_px=shape_px)
 
     def _coverage(self, time_s: float) -> Float32[np.ndarray, "h w"]:
         """How much of each pixel's light comes from dots, over the exposure."""
@@ -246,3 +243,13 @@ class Simulator:
         radius_mm = np.sqrt(np.array([contact.area_mm2 for contact in contacts]) / np.pi)
         radius_px = 1.0 + radius_mm * camera.fx_px / camera.translation_mm[2]
         return shadows(self._faults.shadow, self._shown_px(centre_mm, time_s), radius_px)
+
+
+def _draw_dots(
+    camera: Camera, sheet: Sheet, outline_mm: Points3, motion: PointMotion, time_s: float
+) -> _DrawnDots:
+    """All dots and dust: as `render.dot_ellipses`, through the window of a pad."""
+    moved_mm = outline_mm + motion(time_s)
+    corner_px = project_through_window(camera, sheet, moved_mm).reshape(-1, CORNERS, 2)
+    centre_px, shape_px = polygon_ellipses(corner_px)
+    return _DrawnDots(corner_mm=moved_mm[::CORNERS], centre_px=centre_px, shape_px=shape_px)

@@ -1,7 +1,10 @@
 """The simulated sensor: the truth is what the picture shows."""
 
+import gc
+import weakref
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +14,7 @@ from manytouch.geometry.refraction import project_through_window
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.render.discs import Look
 from manytouch.simulation.render.dot_ellipses import polygon_ellipses
+from manytouch.simulation.scene.moving_sheet import MovingSheet
 from manytouch.simulation.simulator import Simulator
 from manytouch.sources.simulated import simulated_source
 from manytouch.values import Phase
@@ -60,6 +64,29 @@ def test_the_truth_of_a_frame_has_the_dots_of_its_picture(monkeypatch: pytest.Mo
     assert len(drawn) == 1
     assert np.abs(seen_px - watched.truth(0).grid.position_px).max() > 5.0, "another frame has others"
     assert len(drawn) == 2
+
+
+class WatchedScene:
+    """A scene whose end can be seen."""
+
+    def __init__(self, scene: MovingSheet) -> None:
+        self.scene = scene
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.scene, name)
+
+
+def test_a_simulator_ends_with_its_last_reference() -> None:
+    """A suite makes hundreds of them, with large scenes."""
+    scene: Any = WatchedScene(fingers().scene)
+    simulator, seen = replace(fingers(), scene=scene), weakref.ref(scene)
+    simulator.truth(BUSY)
+    gc.disable()
+    try:
+        del simulator, scene
+        assert seen() is None
+    finally:
+        gc.enable()
 
 
 TURNED, DRAGGED = 48, 40
