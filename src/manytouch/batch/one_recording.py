@@ -152,7 +152,12 @@ def _written(job: Job, store: Store, task: Task, settings: Settings, stop: StopC
 
 def _written_to(folder: Path, job: Job, task: Task, settings: Settings, stop: StopCondition | None) -> int:
     with ResultFiles(folder, job, surface=settings.surface, annotate=settings.annotate) as files:
-        is_whole = run(job, files.sinks, stop=stop)
+        try:
+            is_whole = run(job, files.sinks, stop=stop)
+        except Exception as error:
+            if job.files_stamp != stamp_of(task.input):
+                raise OutputError(_vanished(task)) from error
+            raise
         if not is_whole:
             raise OutputError(f"{task.input} was stopped: run the same command again")
         if job.files_stamp != stamp_of(task.input):

@@ -56,6 +56,7 @@ class VideoSource:
         return Capabilities(files=(self.path,))
 
     def __iter__(self) -> Iterator[Frame]:
+        container = read_container(self.path)  # first: the file may be moved while it is read
         capture = _opened(self.path)
         clock = _Clock(fps=self.fps, follows_container=not self.is_rate_given)
         index = failures = all_failures = 0
@@ -77,7 +78,7 @@ class VideoSource:
                 index += 1
         finally:
             capture.release()
-        for _ in range(frames_lost(self.frame_count, index, all_failures, read_container(self.path))):
+        for _ in range(frames_lost(self.frame_count, index, all_failures, container)):
             yield self._frame(index, clock.missed(), None)
             index += 1
 

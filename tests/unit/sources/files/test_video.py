@@ -1,5 +1,6 @@
 """Videos: whole, damaged and cut short; no frame of a healthy one is called lost."""
 
+import shutil
 from itertools import pairwise
 from pathlib import Path
 
@@ -158,3 +159,14 @@ def test_a_video_is_lazy(videos: dict[str, Path]) -> None:
     assert isinstance(source, VideoSource)
     one, two = iter(source), iter(source)
     assert numbers([next(one), next(one), next(two)]) == [0, 1, 0]
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_video_that_is_moved_while_it_is_read_gives_every_frame(
+    videos: dict[str, Path], tmp_path: Path, name: str
+) -> None:
+    path = Path(shutil.copy(videos[name], tmp_path))
+    frames = iter(open_source(path))
+    first = [next(frames) for _ in range(3)]
+    path.rename(tmp_path / f"moved{path.suffix}")
+    assert numbers([*first, *frames]) == list(range(COUNT))
