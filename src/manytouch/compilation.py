@@ -19,13 +19,13 @@ from numba import config, njit, types
 from numba.core.options import DefaultOptions
 from numba.extending import intrinsic
 
-from manytouch.kernel_cache import provide_folder
-from manytouch.kernel_libraries import (
+from manytouch.kernels.cache import provide_folder
+from manytouch.kernels.libraries import (
     KernelCompiler,
     bind_calls_within_modules,
     compile_parts_without_code,
 )
-from manytouch.kernel_loading import keep_in_files
+from manytouch.kernels.loading import keep_in_files
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Named = TypeVar("Named", bound=tuple[Any, ...])
@@ -58,7 +58,7 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
     """Decorator that compiles a function without the interpreter lock and caches the machine code.
 
     What Python calls, and what other compiled functions call, are compiled separately: the latter is part of
-    the code of its callers and has none of its own (`kernel_libraries`).
+    the code of its callers and has none of its own (`kernels.libraries`).
     """
     is_kept = options.pop("cache", True)
     common = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, **options}

@@ -16,10 +16,10 @@ from numba.core.compiler import Flags
 from numba.core.cpu import CPUContext
 from numba.core.targetconfig import TargetConfig
 
-from manytouch import kernel_libraries
 from manytouch.compilation import REORDER, kernel
-from manytouch.kernel_libraries import PartLibrary, bind_calls_within_modules, compile_parts_without_code
-from manytouch.kernel_shortcuts import use_shortcuts
+from manytouch.kernels import libraries
+from manytouch.kernels.libraries import PartLibrary, bind_calls_within_modules, compile_parts_without_code
+from manytouch.kernels.shortcuts import use_shortcuts
 
 
 def replaceable_functions(caller: Callable[..., float]) -> list[str]:
@@ -61,7 +61,7 @@ def test_calls_are_bound_within_the_machine_code_of_a_function(monkeypatch: pyte
     values = np.linspace(0.0, 1.0, 7)
     result = bound(values)
     assert replaceable_functions(bound) == []
-    monkeypatch.setattr(kernel_libraries, "bind_calls", lambda _: None)
+    monkeypatch.setattr(libraries, "bind_calls", lambda _: None)
     free = compiled_pair()
     assert free(values) == pytest.approx(result)
     assert replaceable_functions(free), "the test shows nothing: the inner function was inlined"

@@ -17,7 +17,7 @@ from llvmlite.binding import get_host_cpu_name
 from platformdirs import user_cache_path
 
 from manytouch.compilation import kernels_folder
-from manytouch.kernel_cache import compiling, is_writable
+from manytouch.kernels.cache import compiling, is_writable
 from manytouch.session.methods import kernels
 from manytouch.session.methods.pipelines import PAD
 from manytouch.values import Sensor

@@ -1,20 +1,13 @@
-"""What a session and the process of its outputs exchange: pickled values, after the lengths of their parts.
+"""What a session and the process of its outputs exchange."""
 
-Both ends belong to one program and one version of it, so that values are not checked again.
-"""
-
-import os
-import pickle
-import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from io import BufferedReader, FileIO
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool
 
-from manytouch.errors import ManytouchError
+from manytouch.child_process import Refused
 from manytouch.sinks.publishers.images import ImageTurns
 from manytouch.values import (
     Command,
@@ -29,9 +22,6 @@ from manytouch.values import (
     Surface,
     TrackedGrid,
 )
-
-MOST_PARTS = 1000
-"""Of a message that is written at once; a little less than systems allow."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -74,21 +64,6 @@ class Opened:
     """The outputs are open; a sentence on each."""
 
     descriptions: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Refused:
-    """The outputs cannot be opened, or the process has failed.
-
-    Attributes:
-        kind: class of the error.
-        sentence: its message.
-        trace: where it was raised, as text, which is shown to those who search for the cause.
-    """
-
-    kind: type[ManytouchError]
-    sentence: str
-    trace: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,45 +151,6 @@ def unpacked(message: NewReading, sensor: Sensor) -> Reading:
 
 def _unknown(*shape: int) -> np.ndarray:
     return np.broadcast_to(np.nan, shape)
-
-
-def send(to: FileIO, value: object) -> None:
-    """Write a value to an unbuffered file; the arrays of a reading are not copied before.
-
-    Raises:
-        OSError: the other end is closed.
-    """
-    arrays: list[pickle.PickleBuffer] = []
-    pickled = pickle.dumps(value, pickle.HIGHEST_PROTOCOL, buffer_callback=arrays.append)
-    contents = [memoryview(pickled), *(array.raw() for array in arrays)]
-    heading = [len(contents), *(len(each) for each in contents)]
-    parts = [memoryview(struct.pack(f"<{len(heading)}Q", *heading)), *contents]
-    written = os.writev(to.fileno(), parts) if len(parts) <= MOST_PARTS and hasattr(os, "writev") else 0
-    if written < sum(len(part) for part in parts):
-        rest = memoryview(b"".join(parts))[written:]
-        while rest:
-            rest = rest[to.write(rest) or 0 :]
-
-
-def receive(source: BufferedReader) -> Any:
-    """Read a value from a buffered file; None if the other end is closed."""
-    try:
-        (count,) = _numbers(source, 1)
-        pickled, *arrays = [_bytes(source, length) for length in _numbers(source, count)]
-    except EOFError:
-        return None
-    return pickle.loads(pickled, buffers=arrays)
-
-
-def _numbers(source: BufferedReader, count: int) -> tuple[int, ...]:
-    return struct.unpack(f"<{count}Q", _bytes(source, 8 * count))
-
-
-def _bytes(source: BufferedReader, length: int) -> bytes:
-    data = source.read(length)
-    if len(data) < length:
-        raise EOFError
-    return data
 
 
 def _without_unused_image(frame: Frame, turns: Sequence[ImageTurns]) -> Frame:

@@ -1,26 +1,18 @@
 """The session's end of the process of its outputs."""
 
-import io
-import os
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Sequence
-from contextlib import suppress
-from typing import Any, cast
 
-from manytouch.errors import ManytouchError, OutputError
+from manytouch.child_process import ChildProcess, Refused, error_of
+from manytouch.errors import OutputError
 from manytouch.pipeline import Controls
 from manytouch.sinks.output_process.messages import (
     Opened,
     Opening,
-    Refused,
     States,
     numbers_of,
     packed,
-    receive,
-    send,
 )
 from manytouch.sinks.publishers.address import parse_address
 from manytouch.sinks.publishers.images import ImageTurns
@@ -31,8 +23,6 @@ from manytouch.values import OutputState, Reading, Sensor
 HEALTH_INTERVAL_S = 1.0
 END_S = 8.0
 """Longest time that the process has to send what is queued, and to end."""
-PIPE_BYTES = 1 << 20
-"""So that a reading is written at once, where the system allows it (Linux)."""
 
 
 def start_outputs(urls: Sequence[str], controls: Controls) -> "list[OutputProcess]":
@@ -123,14 +113,14 @@ class _Process:
         self._passed = 0
         self._next_health_s = time.monotonic() + HEALTH_INTERVAL_S
         self._failure: Refused | None = None
-        self._child, self._to_child, self._from_child = _started()
+        self._child = ChildProcess("manytouch.sinks.output_process", is_background=True)
         self.pid = self._child.pid
         self.states = _nothing_sent(urls)
         try:
             self.descriptions = self._opened(urls)
         except BaseException:
-            self._end()
-            self._from_child.close()
+            self._child.end(END_S)
+            self._child.close()
             raise
         self.description = "; ".join(self.descriptions)
         self._answers = threading.Thread(target=self._read, name="manytouch-outputs-answers", daemon=True)
@@ -155,9 +145,9 @@ class _Process:
             reading, self._turns, sensor, is_sensor_new=sensor is not self._sensor, health=health
         )
         try:
-            send(self._to_child, message)
+            self._child.send(message)
         except OSError:
-            status = self._end()
+            status = self._child.end(END_S)
             self._answers.join(1.0)
             why = status if self._failure is None else self._failure.sentence
             raise OutputError(f"the process of the outputs has ended ({why})") from None
@@ -166,78 +156,33 @@ class _Process:
 
     def close(self) -> None:
         """Let the process send what it has, and end it."""
-        self._end()
+        self._child.end(END_S)
         self._answers.join(1.0)
 
     def _opened(self, urls: Sequence[str]) -> tuple[str, ...]:
         """Let the process open the outputs; a description of each."""
         try:
-            send(
-                self._to_child,
-                Opening(urls=tuple(urls), sensor=self._sensor, health=numbers_of(self._controls.health())),
-            )
-            answer = receive(self._from_child)
+            health = numbers_of(self._controls.health())
+            self._child.send(Opening(urls=tuple(urls), sensor=self._sensor, health=health))
+            answer = self._child.receive()
         except OSError:
             answer = None
         if isinstance(answer, Refused):
-            raise _error(answer)
+            raise error_of(answer, "the process of the outputs")
         if not isinstance(answer, Opened):
-            raise OutputError(f"the process of the outputs could not be started ({self._end()})")
+            raise OutputError(f"the process of the outputs could not be started ({self._child.end(END_S)})")
         return answer.descriptions
-
-    def _end(self) -> str:
-        """Wait until the process has sent what it has and ended; its exit status, in words."""
-        with suppress(OSError):
-            self._to_child.close()
-        try:
-            status = self._child.wait(END_S)
-        except subprocess.TimeoutExpired:
-            self._child.kill()
-            status = self._child.wait()
-        return f"exit status {status}"
 
     def _read(self) -> None:
         """Take the answers until the process has ended."""
-        with self._from_child:
-            while (answer := receive(self._from_child)) is not None:
-                if isinstance(answer, States):
-                    self.states = answer.outputs
-                elif isinstance(answer, Refused):
-                    self._failure = answer
-                else:
-                    self._controls.send(answer)
-
-
-def _started() -> "tuple[subprocess.Popen[bytes], io.FileIO, io.BufferedReader[Any]]":
-    """The process, apart from the terminal, so that Ctrl-C reaches the session only."""
-    detached: dict[str, Any] = {"start_new_session": True}
-    if sys.platform == "win32":
-        flags = subprocess.CREATE_NEW_PROCESS_GROUP | subprocess.BELOW_NORMAL_PRIORITY_CLASS
-        detached = {"creationflags": flags}
-    paths = os.pathsep.join(path for path in sys.path if path)
-    child = subprocess.Popen(
-        [sys.executable, "-P", "-m", "manytouch.sinks.output_process"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": paths},
-        bufsize=0,
-        **detached,
-    )
-    to_child, from_child = cast(io.FileIO, child.stdin), io.BufferedReader(cast(io.FileIO, child.stdout))
-    if sys.platform == "linux":
-        import fcntl
-
-        with suppress(OSError):
-            fcntl.fcntl(to_child.fileno(), fcntl.F_SETPIPE_SZ, PIPE_BYTES)
-    return child, to_child, from_child
-
-
-def _error(answer: Refused) -> ManytouchError:
-    """The error that the process had; its traceback shows where, for --debug."""
-    error = answer.kind.__new__(answer.kind)  # some are made of other arguments than their sentence
-    error.args = (answer.sentence,)
-    error.add_note(f"In the process of the outputs:\n{answer.trace}")
-    return error
+        while (answer := self._child.receive()) is not None:
+            if isinstance(answer, States):
+                self.states = answer.outputs
+            elif isinstance(answer, Refused):
+                self._failure = answer
+            else:
+                self._controls.send(answer)
+        self._child.close()
 
 
 def _image_turns(urls: Sequence[str]) -> list[ImageTurns]:

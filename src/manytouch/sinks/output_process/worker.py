@@ -1,24 +1,20 @@
 """The process of the outputs: opens them, publishes the readings that arrive, reports what was sent."""
 
 import os
-import sys
 import threading
-import traceback
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from io import BufferedReader, FileIO
 
-from manytouch.errors import ManytouchError, OutputError
+from manytouch.child_process import pipes_to_parent, receive, refusal, send
+from manytouch.errors import OutputError
 from manytouch.sinks.output_process.messages import (
     Answer,
     NewReading,
     Opened,
     Opening,
-    Refused,
     States,
-    receive,
-    send,
     unpacked,
 )
 from manytouch.sinks.output_process.rest_reading import rest_reading
@@ -111,18 +107,12 @@ def main() -> None:
     """Publish what arrives on standard input until it is closed."""
     if hasattr(os, "nice"):
         os.nice(NICENESS)
-    answer = AnswerChannel(os.fdopen(os.dup(sys.stdout.fileno()), "wb", buffering=0))
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what libraries print is not an answer
-    from_session = os.fdopen(sys.stdin.fileno(), "rb", closefd=False)
+    from_session, to_session = pipes_to_parent()
+    answer = AnswerChannel(to_session)
     try:
         _serve(from_session, answer)
     except Exception as error:  # noqa: BLE001 - the session reports it
-        trace = "".join(traceback.format_exception(error))
-        if isinstance(error, ManytouchError):
-            answer.send(Refused(kind=type(error), sentence=str(error), trace=trace))
-        else:
-            sentence = f"internal error: {type(error).__name__}: {error}; please report it"
-            answer.send(Refused(kind=OutputError, sentence=sentence, trace=trace))
+        answer.send(refusal(error, OutputError))
         raise SystemExit(1) from None
 
 

@@ -1,8 +1,6 @@
 """Messages to the process of the outputs: what is left out of a reading, and what is not."""
 
 import io
-import os
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from manytouch.sinks.output_process.messages import packed, receive, send, unpacked
+from manytouch.child_process import receive, send
+from manytouch.sinks.output_process.messages import packed, unpacked
 from manytouch.sinks.publishers.address import parse_address
 from manytouch.sinks.publishers.images import ImageTurns
 from manytouch.values import Status
@@ -78,29 +77,3 @@ def test_only_images_that_an_output_sends_are_passed_on(sensor, reading_of) -> N
     assert (frame.image, frame.encoded) == (None, b"jpeg")
     frame = packed(encoded, [], sensor, is_sensor_new=False, health=None).frame
     assert (frame.image, frame.encoded) == (None, None)
-
-
-def test_half_a_message_is_the_end(sensor, file) -> None:
-    whole = sent(sensor, file)
-    for length in (0, 3, 8, 20, len(whole) - 1):
-        assert received(whole[:length]) is None
-    assert received(whole).name == sensor.name
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="it has no writev")
-@pytest.mark.parametrize("most_bytes", [1, 1000, 1 << 20])
-def test_a_pipe_may_take_a_message_in_pieces(most_bytes: int, sensor, file, monkeypatch) -> None:
-    class Pipe(io.FileIO):
-        def write(self, data) -> int:
-            return super().write(bytes(data[:most_bytes]))
-
-    writev = os.writev
-    monkeypatch.setattr(os, "writev", lambda number, parts: writev(number, [b"".join(parts)[:most_bytes]]))
-    with Pipe(str(file), "w") as pipe:
-        send(pipe, sensor)
-    assert received(file.read_bytes()).name == sensor.name
-
-
-def test_many_arrays_are_one_message(file, contact_of) -> None:
-    contacts = tuple(contact_of(number) for number in range(400))
-    assert [each.id for each in received(sent(contacts, file))] == list(range(400))

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
-SOURCE = Path(__file__).parent
+SOURCE = Path(__file__).parents[1]
 
 
 def provide_folder(requested: str) -> str:

@@ -15,7 +15,7 @@ from numba.core.compiler import Compiler
 from numba.core.cpu import CPUContext
 from numba.core.environment import lookup_environment
 
-from manytouch.kernel_shortcuts import use_shortcuts
+from manytouch.kernels.shortcuts import use_shortcuts
 
 OWN_NAMES = "9manytouch"
 """Part of the mangled names of the functions of this package."""
@@ -48,7 +48,7 @@ class PartLibrary(JITCodeLibrary):
     before, which determines their order, and with it the bits of the results.
     """
 
-    is_part = True  # as `kernel_shortcuts` recognises it
+    is_part = True  # as `kernels.shortcuts` recognises it
     may_reorder = False
 
     def get_pointer_to_function(self, name: str) -> int:

@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from manytouch import kernel_cache
-from manytouch.kernel_cache import compiling, provide_folder
+from manytouch.kernels import cache
+from manytouch.kernels.cache import compiling, provide_folder
 
 
 @pytest.fixture
 def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The user's cache folder."""
-    monkeypatch.setattr(kernel_cache, "user_cache_path", lambda *_, **__: tmp_path / "user")
+    monkeypatch.setattr(cache, "user_cache_path", lambda *_, **__: tmp_path / "user")
     return tmp_path / "user"
 
 
@@ -32,9 +32,9 @@ def test_another_folder_is_used_if_it_cannot(
     file = tmp_path / "file"
     file.write_text("where no folder can be made, even by root")
     assert provide_folder(str(file / "cache")) == str(own / "kernels")
-    monkeypatch.setattr(kernel_cache, "SOURCE", file)
+    monkeypatch.setattr(cache, "SOURCE", file)
     assert provide_folder("") == str(own / "kernels")
-    monkeypatch.setattr(kernel_cache, "user_cache_path", lambda _: file)
+    monkeypatch.setattr(cache, "user_cache_path", lambda _: file)
     temporary = Path(provide_folder(""))
     assert temporary.is_dir()
     assert stat.S_IMODE(temporary.stat().st_mode) == 0o700
