@@ -22,7 +22,7 @@ from manytouch.session import Live, prepare, run
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sinks.viewer import Viewer
 from manytouch.sinks.viewer.update_format import unpack
-from manytouch.sources.pressed import PressedSource
+from manytouch.sources.pressed.pressed_process import PressedProcess
 
 DEPTH_MM, SHOWN_MM, GONE_MM = 4.0, 1.0, 0.3
 PLACES_MM = ((-20.0, 8.0), (15.0, -10.0), (30.0, 12.0))
@@ -83,7 +83,7 @@ def main() -> None:
     parser.add_argument("--busy", type=int, default=1, help="programs that keep a processor busy")
     parser.add_argument("--presses", type=int, default=7)
     options = parser.parse_args()
-    live = Live(prepare(PressedSource(seconds=None), method="mechanics"))
+    live = Live(prepare(PressedProcess(), method="mechanics"))
     viewer, over = Viewer(live), threading.Event()
     session = threading.Thread(target=run, args=(live, [LatestOnly(viewer)], None, over.is_set))
     session.start()

@@ -14,7 +14,7 @@ import numpy as np
 
 from manytouch.session import pipeline_for
 from manytouch.session.warm_up import warm_up_for
-from manytouch.sources.pressed import PressedSource
+from manytouch.sources.pressed.pressed_source import PressedSource
 from manytouch.sources.simulated import simulated_source
 from manytouch.values import Press, Release, Sensor, TrackedGrid
 

@@ -14,10 +14,13 @@ VARIABLES = (
 )
 
 
+ONE_THREAD = dict.fromkeys(VARIABLES, "1")
+"""Environment of a process whose BLAS has one thread."""
+
+
 def request_one_blas_thread() -> None:
     """Request one thread of each BLAS that this process or a child of it loads later; imports nothing."""
-    for name in VARIABLES:
-        os.environ[name] = "1"
+    os.environ.update(ONE_THREAD)
 
 
 def limit_blas_threads() -> None:

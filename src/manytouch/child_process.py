@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from io import BufferedReader, FileIO
 from typing import Any, cast
 
+from manytouch.blas_threads import ONE_THREAD
 from manytouch.errors import ManytouchError
 
 MOST_PARTS = 1000
@@ -41,6 +42,7 @@ class Refused:
 class ChildProcess:
     """A process that runs a module of this package, apart from the terminal: Ctrl-C does not reach it.
 
+    Its BLAS has one thread, whatever is imported first here.
     It ends by itself when its standard input is closed, as it is when this process ends, in whatever way.
 
     Attributes:
@@ -64,7 +66,7 @@ class ChildProcess:
             [sys.executable, "-P", "-m", module],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env={**os.environ, "PYTHONPATH": paths},
+            env={**os.environ, **ONE_THREAD, "PYTHONPATH": paths},
             bufsize=0,
             **detached,
         )

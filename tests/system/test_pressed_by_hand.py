@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from manytouch.session import pipeline_for
-from manytouch.sources.pressed import PressedSource
+from manytouch.sources.pressed.pressed_source import PressedSource
 from manytouch.values import Frame, Press
 
 FRAMES = 75

@@ -22,7 +22,7 @@ from manytouch.session import Live, Playback, prepare, run
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sinks.viewer import Viewer
-from manytouch.sources.pressed import PressedSource
+from manytouch.sources.pressed.pressed_source import PressedSource
 from manytouch.values import Comparison, Pause, Reading, Sensor
 from manytouch.values.sensor_file import save_sensor
 from part_of_sheet import part_of_sheet

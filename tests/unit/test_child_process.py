@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from manytouch.blas_threads import VARIABLES
 from manytouch.child_process import ChildProcess, Refused, error_of, receive, refusal, send
 from manytouch.errors import MissingExtraError, OutputError, SourceError
 
@@ -23,6 +24,10 @@ while (value := receive(requests)) is not None:
     if isinstance(value, str):
         send(answers, refusal(SourceError(value), OutputError))
         raise SystemExit(3)
+    if isinstance(value, list):
+        import numpy
+        from threadpoolctl import threadpool_info
+        value = [each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"]
     send(answers, 2 * value)
 """
 
@@ -34,6 +39,10 @@ def file(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def child(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ChildProcess:
+    return doubling_process(tmp_path, monkeypatch)
+
+
+def doubling_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ChildProcess:
     (tmp_path / "doubling.py").write_text(PROGRAM)
     monkeypatch.syspath_prepend(tmp_path)
     return ChildProcess("doubling")
@@ -86,6 +95,16 @@ def test_a_process_answers_until_its_input_is_closed(child: ChildProcess) -> Non
         np.testing.assert_array_equal(child.receive(), 2 * pixels)
     assert child.end(10.0) == "exit status 0"
     assert child.receive() is None
+    child.close()
+
+
+def test_its_blas_has_one_thread(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+    child = doubling_process(tmp_path, monkeypatch)
+    child.send([])
+    assert set(child.receive()) == {1}
+    child.end(10.0)
     child.close()
 
 

@@ -111,10 +111,10 @@ def _serve(
     from manytouch.session import Live, ResultFiles, prepare, run
     from manytouch.sinks.first_seconds import FirstSeconds
     from manytouch.sinks.pictures.surface_picture import BusiestFrame
-    from manytouch.sources.pressed import PressedSource
+    from manytouch.sources.pressed.pressed_process import PressedProcess
 
     with StopOnSignal() as stop:
-        source = PressedSource(scene, seconds=seconds)
+        source = PressedProcess(scene, seconds=seconds)
         job = prepare(source, method="mechanics", observer=reporter)
         live = Live(job, recordings=out)
         live.attach(described_outputs(to, live, reporter.print))

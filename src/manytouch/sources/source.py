@@ -77,6 +77,7 @@ class Capabilities:
         is_images: single images instead of a video.
         views: number of cameras whose pictures are joined in a frame.
         started_unix_ns: time of timestamp 0, of a recording.
+        close: ends the process that makes its frames.
     """
 
     truth: Callable[[int], Truth | None] | None = None
@@ -88,6 +89,7 @@ class Capabilities:
     is_images: bool = False
     views: int = 1
     started_unix_ns: int | None = None
+    close: Callable[[], None] | None = None
 
 
 @runtime_checkable
@@ -128,15 +130,17 @@ class Source(Protocol):
 
 
 def close(source: Source) -> None:
-    """Release the device of a source, where it has one."""
-    device = source.capabilities.device
-    if device is not None:
-        device.close()
+    """Release the device or the process of a source, where it has one."""
+    can = source.capabilities
+    if can.device is not None:
+        can.device.close()
+    if can.close is not None:
+        can.close()
 
 
 @contextmanager
 def closing_source(source: Source) -> Iterator[Source]:
-    """Release the device of a source at the end of a `with` block."""
+    """Release a source at the end of a `with` block."""
     try:
         yield source
     finally:

@@ -14,7 +14,7 @@ from manytouch.recording.compression import compressed, decompressed
 from manytouch.recording.messages import decode_reading, encode_reading, surface_message
 from manytouch.recording.packed import PackedBlock, unpack
 from manytouch.session import pipeline_for
-from manytouch.sources.pressed import PressedSource
+from manytouch.sources.pressed.pressed_source import PressedSource
 from manytouch.values import Frame, Press, Reading, Status
 
 SHAPES = npst.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=5)

@@ -9,7 +9,7 @@ import pytest
 from clips import picture, write_video
 from drawn_source import DrawnSource
 from manytouch.sources import Capabilities, Source, closing_source, open_source, read_frames
-from manytouch.sources.pressed import PressedSource
+from manytouch.sources.pressed.pressed_source import PressedSource
 from manytouch.sources.simulated import simulated_source
 from manytouch.values import Frame, Setting
 

@@ -7,7 +7,7 @@ import pytest
 
 from manytouch.simulation.interactive_indenters import ALONE_S, FIRST_ID, MOST_FINGERS
 from manytouch.simulation.simulator import Simulator
-from manytouch.sources.pressed import PressedSource
+from manytouch.sources.pressed.pressed_source import PressedSource
 from manytouch.sources.simulated import simulated_source
 from manytouch.values import Contact, Frame, Press, Release, Truth
 

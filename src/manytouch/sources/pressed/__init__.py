@@ -1,0 +1,1 @@
+"""The simulated sensor that is pressed interactively, in this process or in one of its own."""
