@@ -33,19 +33,27 @@ def dot_ellipses(camera: Camera, outline_mm: Float64[np.ndarray, "corners 3"]) -
 def polygon_ellipses(corner_px: np.ndarray) -> tuple[Points2, Matrices2]:
     """Centroids (n, 2) and shapes (n, 2, 2), px, of the ellipses with the moments of polygons (n, c, 2).
 
-    A shape maps the unit disc to the ellipse, as in `render_discs`.
+    A shape maps the unit disc to the ellipse, as in `render_discs`; NaN where a polygon has no area.
     """
     middle = corner_px.mean(axis=1)
-    here = corner_px - middle[:, None, :]
-    following = np.roll(here, -1, axis=1)
-    cross = here[:, :, 0] * following[:, :, 1] - here[:, :, 1] * following[:, :, 0]
-    twice_area = cross.sum(axis=1)
-    centroid = np.einsum("nc,nci->ni", cross, here + following) / (3 * twice_area[:, None])
-    both = here + following
-    second = (
-        np.einsum("nc,nci,ncj->nij", cross, both, both)
-        + np.einsum("nc,nci,ncj->nij", cross, here, here)
-        + np.einsum("nc,nci,ncj->nij", cross, following, following)
-    ) / (12 * twice_area[:, None, None])
-    covariance = second - centroid[:, :, None] * centroid[:, None, :]
-    return middle + centroid, 2 * np.linalg.cholesky(covariance)
+    x, y = np.ascontiguousarray(np.moveaxis(corner_px - middle[:, None, :], 2, 0))
+    next_x, next_y = np.roll(x, -1, axis=1), np.roll(y, -1, axis=1)
+    sum_x, sum_y = x + next_x, y + next_y
+    cross = x * next_y - y * next_x
+    twice_area, centroid, shape = cross.sum(axis=1), np.empty((len(x), 2)), np.zeros((len(x), 2, 2))
+    with np.errstate(invalid="ignore", divide="ignore"):  # NaN where a polygon has no area
+        centroid[:, 0] = (cross * sum_x).sum(axis=1) / (3 * twice_area)
+        centroid[:, 1] = (cross * sum_y).sum(axis=1) / (3 * twice_area)
+        xx, xy, yy = (
+            (cross * (of_sums + here + following)).sum(axis=1) / (12 * twice_area)
+            for of_sums, here, following in (
+                (sum_x * sum_x, x * x, next_x * next_x),
+                (sum_x * sum_y, x * y, next_x * next_y),
+                (sum_y * sum_y, y * y, next_y * next_y),
+            )
+        )
+        # twice Cholesky's factor of the covariance
+        shape[:, 0, 0] = 2 * np.sqrt(xx - centroid[:, 0] ** 2)
+        shape[:, 1, 0] = 4 * (xy - centroid[:, 0] * centroid[:, 1]) / shape[:, 0, 0]
+        shape[:, 1, 1] = np.sqrt(4 * (yy - centroid[:, 1] ** 2) - shape[:, 1, 0] ** 2)
+    return middle + centroid, shape

@@ -61,3 +61,13 @@ def test_ellipses_are_the_dots_area_in_the_image() -> None:
         assert np.linalg.det(shape_px[place]) == pytest.approx(np.linalg.det(shape[0]), rel=2e-3)
     naive_px = project(SENSOR.camera, rest_mm + bent(rest_mm))
     assert np.abs(naive_px - centre_px)[:3].max() > 0.02  # why the area counts
+
+
+def test_a_polygon_without_area_or_of_unknown_corners_has_no_ellipse() -> None:
+    corner_px = np.random.default_rng(0).uniform(0.0, 9.0, (3, 4, 2))
+    corner_px[0, :, 1] = 5.0
+    corner_px[1, 2] = np.nan
+    corner_px[2] = [[0, 0], [2, 0], [2, 2], [0, 2]]
+    centre_px, shape_px = polygon_ellipses(corner_px)
+    np.testing.assert_array_equal(np.isnan(centre_px).any(axis=1), [True, True, False])
+    np.testing.assert_array_equal(np.isnan(shape_px).any(axis=(1, 2)), [True, True, False])
