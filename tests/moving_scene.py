@@ -38,8 +38,13 @@ def scene(frame: int) -> np.ndarray:
     return cv2.GaussianBlur(image, (0, 0), 2.5)
 
 
-def picture(frame: int, *, has_dots: bool = True) -> Frame:
+def picture(frame: int, *, has_dots: bool = True, things: int = 0) -> Frame:
+    """A frame; `things` like dots are in the scene, and move from frame 60 on."""
     image = scene(frame)
+    moved = max(frame - 60, 0)
+    for number, (x, y) in enumerate(np.random.default_rng(5).uniform([15, 15], [305, 225], (things, 2))):
+        place = (x + 3.1 * moved * (1 + number % 3)) % WIDTH_PX, (y + 1.7 * moved) % HEIGHT_PX
+        cv2.circle(image, (int(place[0]), int(place[1])), 4, 40.0, -1, cv2.LINE_AA)
     if has_dots:
         for (x, y), radius in zip(DOTS_PX, RADIUS_PX, strict=True):
             cv2.circle(image, (round(16 * x), round(16 * y)), round(16 * radius), 25.0, -1, cv2.LINE_AA, 4)

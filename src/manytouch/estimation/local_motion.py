@@ -87,8 +87,8 @@ class LocalMotion:
     """Motion of groups of markers, and whether it is a touch.
 
     Attributes:
-        floor_pitch: no local motion below this is a touch, in pitches. Untouched rubber and gel show
-            up to half of it.
+        floor_pitch: no local motion below this begins a touch, in pitches.
+        rest_pitch: no local motion below this is a touch that lasts. Untouched rubber and gel show up to it.
         noise_stds: no local motion below this many of its standard deviations is a touch; the motion of a
             marker is reduced by so many of its own, as far as they exceed the median.
         creep_share: share of the strongest press that a sheet may keep after it.
@@ -100,6 +100,7 @@ class LocalMotion:
     """
 
     floor_pitch: float = 0.006
+    rest_pitch: float = 0.003
     noise_stds: float = 3.0
     creep_share: float = 0.2
     creep_growth: float = 2.0
@@ -131,9 +132,18 @@ class LocalMotion:
         local = of_group[np.arange(len(of_group)), place]
         return np.asarray(np.where(2 * seen >= of_group.shape[1], np.nan_to_num(local), 0.0))
 
-    def limits(self, memory: TouchMemory, std_pitch: float) -> tuple[float, float]:
-        """Local motions in pitches above which anything has moved, and above which the sheet is touched."""
-        least = max(self.floor_pitch, self.noise_stds * std_pitch)
+    def limits(
+        self, memory: TouchMemory, std_pitch: float, *, was_touched: bool = False
+    ) -> tuple[float, float]:
+        """Local motions in pitches above which anything has moved, and above which the sheet is touched.
+
+        Args:
+            memory: of the frames before.
+            std_pitch: standard deviation of a displacement along an axis.
+            was_touched: whether something touched in the frame before.
+        """
+        floor_pitch = self.rest_pitch if was_touched else self.floor_pitch
+        least = max(floor_pitch, self.noise_stds * std_pitch)
         return least, max(least, self.kept(memory))
 
     def kept(self, memory: TouchMemory) -> float:

@@ -44,6 +44,19 @@ def test_dots_before_a_moving_scene_are_found_and_followed() -> None:
     assert sum(bool(reading.contacts.touching) for reading in readings) <= 0.02 * len(readings)
 
 
+@pytest.mark.parametrize("things", [0, 4, 5])
+def test_what_looks_like_a_dot_at_the_start_and_moves_later_is_no_marker(things: int) -> None:
+    frames = [picture(frame, things=things) for frame in range(240)]
+    sensor = sensor_from_rest(frames[:15], name="skin", spread=lambda: frames[::15])
+    layout = sensor.layout
+    assert layout is not None
+    assert layout.rest_px is not None
+    assert layout.is_before_scene
+    known_px = layout.rest_px[~layout.is_missing]
+    assert 22 <= len(known_px) <= len(DOTS_PX)
+    assert np.linalg.norm(known_px[:, None] - DOTS_PX, axis=2).min(axis=1).max() < 1.5
+
+
 def test_a_scene_without_dots_has_none() -> None:
     frames = [picture(frame, has_dots=False) for frame in range(0, 160, 10)]
     assert find_sparse_dots(frames, None) is None

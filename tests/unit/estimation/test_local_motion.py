@@ -30,3 +30,11 @@ def test_a_lower_motion_after_a_press_lowers_what_may_be_left_of_it() -> None:
     memory = motion.remember(memory, 0.2)
     assert motion.limits(memory, 0.0)[1] == pytest.approx(0.2 * 0.3)
     assert motion.limits(memory, 0.01) == (pytest.approx(0.03), pytest.approx(0.06))
+
+
+def test_a_touch_lasts_above_what_untouched_sheets_show_and_what_is_left_of_a_press() -> None:
+    motion = LocalMotion()
+    assert motion.limits(TouchMemory(), 0.0, was_touched=True) == (motion.rest_pitch, motion.rest_pitch)
+    memory = TouchMemory(strongest=0.3, lowest=0.01)
+    assert motion.limits(memory, 0.0, was_touched=True) == (motion.rest_pitch, pytest.approx(0.02))
+    assert motion.limits(memory, 0.01, was_touched=True)[0] == pytest.approx(0.03)

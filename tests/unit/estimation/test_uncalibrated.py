@@ -25,13 +25,15 @@ def dragged(at_px: tuple[float, float], radius_px: float, most_px: float, squeez
     return most_px * spread * (squeeze * offset + np.array([0.8, 0.5]))
 
 
-def touches(moved_px: list[np.ndarray], noise_px: float = NOISE_PX) -> list[set[int]]:
+def touches(moved_px: list[np.ndarray], noise_px: float = NOISE_PX, std_px: float = 0.1) -> list[set[int]]:
     """Identities of the contacts of each frame; two dots with glints are measured badly."""
     state, found = ESTIMATE.start(SENSOR), []
     for frame, moved in enumerate(moved_px):
         glint = np.zeros_like(REST_PX)
         glint[[9, 26]] = 0.6 * ((frame // 5) % 2)
-        grid = grid_at(REST_PX + moved + glint, std_px=0.1, noise_px=noise_px, seed=frame, area_px2=AREA_PX2)
+        grid = grid_at(
+            REST_PX + moved + glint, std_px=std_px, noise_px=noise_px, seed=frame, area_px2=AREA_PX2
+        )
         state, _, contacts = ESTIMATE.step(state, grid)
         found.append({contact.id for contact in contacts.touching})
     return found
@@ -55,6 +57,17 @@ def test_a_faint_touch_in_a_corner_is_found() -> None:
     assert all(found[18:75])
     assert not any(found[:15])
     assert not any(found[78:])
+
+
+def test_a_faint_touch_that_varies_is_one() -> None:
+    """Its local motion alternates between .004 and .007 pitches."""
+    press = dragged((300.0, 30.0), 50.0, 3.0)
+    share = [0.0] * 15 + [0.6] * 10 + [0.2, 0.35] * 20 + [0.0] * 20
+    found = touches([each * press for each in share], noise_px=0.01, std_px=0.02)
+    assert all(found[18:65])
+    assert len(set.union(*found)) == 1
+    assert not any(found[:15])
+    assert not any(found[68:])
 
 
 def test_nothing_touches_a_pad_that_the_camera_moves_before() -> None:

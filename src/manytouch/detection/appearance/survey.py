@@ -34,12 +34,14 @@ class Survey:
         appearance: of the dots.
         detections: the dots of the reference frame.
         frame_index: index of the reference frame.
+        regular: share of the dots in a locally regular pattern.
         notes: sentences about unusual properties.
     """
 
     appearance: Appearance
     detections: Detections
     frame_index: int
+    regular: float = 1.0
     notes: tuple[str, ...] = ()
 
 
@@ -108,6 +110,7 @@ def _measure_pattern(
         appearance=appearance,
         detections=detections,
         frame_index=frame.index,
+        regular=pattern.regular,
         notes=_notes(pattern, keep),
     )
 

@@ -173,7 +173,8 @@ class LoadContactFinder:
         if motion is None or groups is None:
             return state, self.peaks(load, state.recent_load), _Evidence()
         local = motion(groups, displacement_mm, grid.is_seen, std_mm * _relative_std(grid))
-        least, touch = motion.limits(state.touch, std_mm / groups.pitch_mm)
+        was_touched = bool(state.tracks.touching)
+        least, touch = motion.limits(state.touch, std_mm / groups.pitch_mm, was_touched=was_touched)
         largest = float(local.max())
         if grid.status is Status.OK:
             state = replace(state, touch=motion.remember(state.touch, largest))
