@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from manytouch.cli.terminal import options
-from manytouch.cli.terminal.failures import usage_error
+from manytouch.cli.terminal.failures import report, usage_error
 from manytouch.sinks.files.atomic_output import check_writable
 from manytouch.source_names import require_existing
 
@@ -26,7 +26,8 @@ def export(
 ) -> int:
     """Write recordings in the formats of other programs; without an option, list the formats.
 
-    Several formats may be given. An existing result is never replaced.
+    Several formats may be given; if one fails, the others are written all
+    the same. An existing result is never replaced.
 
     Example: manytouch export press.mcap --hdf5 exported --ros2bag bags
     """
@@ -40,8 +41,6 @@ def export(
         return 0
     if not recordings:
         raise usage_error("export", "no recording is given: list one or more .mcap files")
-    for folder in folders.values():
-        check_writable(folder)
     require_existing(recordings)
     from manytouch.sinks.exports.registry import export as export_recordings
 
@@ -52,7 +51,15 @@ def export(
             print(f"warning: {sentence}", file=sys.stderr)
         warned.add(sentence)
 
+    failed = 0
     for name, folder in folders.items():
-        for path in export_recordings(recordings, name, folder, warn):
+        try:
+            check_writable(folder)
+            paths = export_recordings(recordings, name, folder, warn)
+        except Exception as error:  # noqa: BLE001 - the other formats are written all the same
+            report(error, f"--{name}: " if len(folders) > 1 else "")
+            failed += 1
+            continue
+        for path in paths:
             print(path)
-    return 0
+    return 1 if failed else 0

@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 DEBUG_FLAG = "--debug"
 
 
-def report(error: Exception) -> None:
-    """Print an error on stderr."""
+def report(error: Exception, place: str = "") -> None:
+    """Print an error on stderr; `place` is printed before it, such as "--hdf5: "."""
     if DEBUG_FLAG in sys.argv:
         traceback.print_exception(error)
-    print(f"manytouch: {one_line(_message(error))}", file=sys.stderr)
+    print(f"manytouch: {place}{one_line(_message(error))}", file=sys.stderr)
 
 
 def usage_error(verb: str, sentence: str) -> "CycloptsError":

@@ -136,6 +136,21 @@ def test_an_existing_result_is_never_replaced_and_a_failed_one_leaves_nothing(re
     assert not (tmp_path / "nothing").exists()
 
 
+def test_a_format_that_fails_does_not_keep_the_others_from_being_written(record, tmp_path: Path) -> None:
+    recording, made = record(tmp_path / "press.mcap"), tmp_path / "made"
+    export([recording], "hdf5", made)
+    words = ["--ros2bag", recording, "--hdf5", made, "--parquet", tmp_path / "tables"]
+    done = run_command("export", recording, *words)
+    assert done.returncode == 1
+    of_bag, of_file = done.stderr.splitlines()
+    assert of_bag.startswith("manytouch: --ros2bag: cannot write ")
+    assert "press.mcap is a file, not a folder" in of_bag
+    assert of_file.startswith("manytouch: --hdf5: ")
+    assert "press.h5' exists: remove it" in of_file
+    assert done.stdout.splitlines() == [str(tmp_path / "tables" / "press")]
+    assert (tmp_path / "tables" / "press").is_dir()
+
+
 def test_a_recording_that_was_cut_off_is_exported_with_one_warning(record, tmp_path: Path) -> None:
     whole, cut = record(tmp_path / "whole.mcap"), tmp_path / "cut.mcap"
     cut.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
