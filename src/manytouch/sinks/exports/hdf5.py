@@ -59,8 +59,13 @@ def _put_table(group: Any, table: pa.Table) -> None:
         if values.dtype == object:  # integers or truth values of which some are unknown
             values = np.array([np.nan if value is None else float(value) for value in values])
         data = group.create_dataset(name, data=values, **({} if len(values) == 0 else COMPRESSION))
-        for key, value in attributes_of(name).items():
-            data.attrs["units" if key == "unit" else key] = value
+        _describe(data, name)
+
+
+def _describe(data: Any, name: str) -> None:
+    """Set unit and frame of reference of a data set, by its name."""
+    for key, value in attributes_of(name).items():
+        data.attrs["units" if key == "unit" else key] = value
 
 
 def _put_surface(group: Any, recording: Recording) -> None:
@@ -91,7 +96,7 @@ def _put_surface(group: Any, recording: Recording) -> None:
         maps["depth_std"][place] = grid.sampler.depth_std(reading.surface)
         times_s.append(reading.frame.timestamp_ns * 1e-9)
     time = group.create_dataset("time_s", data=np.array(times_s, np.float64))
-    time.attrs["long_name"] = "seconds since the start of the recording"
+    _describe(time, "time_s")
     time.make_scale("time_s")
     for axis, name in enumerate(("time_s", f"y_{unit}", f"x_{unit}")):
         for each in maps.values():
@@ -108,4 +113,4 @@ def _put_images(group: Any, recording: Recording) -> None:
     for place, (frame, _) in enumerate(frames_of(recording)):
         images[place] = np.frombuffer(frame.encoded or b"", np.uint8)
         times_s[place] = frame.timestamp_ns * 1e-9
-    group.create_dataset("time_s", data=times_s)
+    _describe(group.create_dataset("time_s", data=times_s), "time_s")

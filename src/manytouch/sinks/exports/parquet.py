@@ -88,7 +88,7 @@ def attributes_of(column: str) -> dict[bytes | str, bytes | str]:
     """Unit and frame of reference of a column, by its name."""
     unit = unit_of(column)
     if unit is None:
-        return {}
+        return {"unit": "ms"} if column == "milliseconds" else {}
     place = {"px": "image", "s": "time since the start"}.get(unit, "sheet")
     return {"unit": unit, "frame": place}
 

@@ -84,6 +84,26 @@ def test_xarray_opens_the_surface_with_units_and_coordinates(record, tmp_path: P
         assert json.loads(file.attrs["manytouch"])["method"] == "perimeter"
 
 
+def test_every_column_of_an_hdf5_file_that_is_a_quantity_has_the_unit_of_its_name(
+    record, tmp_path: Path
+) -> None:
+    (path,) = export([record(tmp_path / "press.mcap")], "hdf5", tmp_path / "out")
+    columns: dict[str, h5py.Dataset] = {}
+
+    def collect(name: str, found: h5py.Dataset | h5py.Group) -> None:
+        if isinstance(found, h5py.Dataset):
+            columns[name] = found
+
+    ends = ("mm", "mm2", "N", "Nmm", "px", "rad", "s")
+    with h5py.File(path) as file:
+        file.visititems(collect)
+        units = {name: found.attrs.get("units") for name, found in columns.items()}
+    expected = {name: name.rpartition("_")[2] for name in units if name.rpartition("_")[2] in ends}
+    assert {name: units[name] for name in expected} == expected
+    assert units["frames/milliseconds"] == "ms"
+    assert len([name for name in expected if name.endswith("/time_s")]) == 5
+
+
 def test_parquet_tables_have_units_and_every_line(record, tmp_path: Path) -> None:
     (folder,) = export([record(tmp_path / "press.mcap")], "parquet", tmp_path / "out")
     contacts = pq.read_table(folder / "contacts.parquet")
@@ -93,7 +113,9 @@ def test_parquet_tables_have_units_and_every_line(record, tmp_path: Path) -> Non
     assert contacts.schema.field("x_px").metadata == {b"unit": b"px", b"frame": b"image"}
     assert pq.read_table(folder / "markers.parquet").num_rows == 23 * FRAMES
     assert pq.read_table(folder / "regions.parquet").num_rows == FRAMES
-    assert pq.read_table(folder / "frames.parquet")["status"].to_pylist() == ["ok"] * FRAMES
+    frames = pq.read_table(folder / "frames.parquet")
+    assert frames["status"].to_pylist() == ["ok"] * FRAMES
+    assert frames.schema.field("milliseconds").metadata == {b"unit": b"ms"}
     assert sorted(path.name for path in folder.iterdir()) == [
         *("contacts.parquet", "frames.parquet", "markers.parquet", "regions.parquet")
     ]
