@@ -8,7 +8,7 @@ from pathlib import Path
 from manytouch.errors import ManytouchError, OutputError
 from manytouch.pipeline import Pipeline
 from manytouch.session.prepare import Job
-from manytouch.sinks.files.atomic_output import output_errors
+from manytouch.sinks.files.atomic_output import rename_existing
 from manytouch.sinks.recorder import Recorder
 from manytouch.values import Frame, Reading, Sensor
 
@@ -54,7 +54,7 @@ class SessionRecorder:
         files = self._job.source.capabilities.files
         if path.exists() and any(file.exists() and path.samefile(file) for file in files):
             raise OutputError(f"{str(path)!r} is the recording that is read: record under another name")
-        renamed = _rename_existing(path)
+        renamed = rename_existing(path)
         try:
             recorder = Recorder(path, source=self._job.input_info)
         except ManytouchError:
@@ -104,15 +104,3 @@ class SessionRecorder:
             device.listen(None)
         recorder.close()
         self._note(recorder.ended or f"recorded {recorder.path.name}")
-
-
-def _rename_existing(path: Path) -> Path | None:
-    """Rename an existing file: press.mcap to press-1.mcap, or the next free name, which is returned."""
-    if not path.is_file() or path.stat().st_size == 0:
-        return None
-    number = 1
-    while (free := path.with_name(f"{path.stem}-{number}{path.suffix}")).exists():
-        number += 1
-    with output_errors(path):
-        path.rename(free)
-    return free

@@ -64,6 +64,29 @@ def check_file_writable(path: Path) -> None:
     check_writable(path.absolute().parent)
 
 
+def next_free(path: Path) -> Path | None:
+    """The name that `rename_existing` gives: of press.mcap press-1.mcap, or the next one that is free.
+
+    Returns:
+        None where there is no file, or an empty one.
+    """
+    if not path.is_file() or path.stat().st_size == 0:
+        return None
+    number = 1
+    while (free := path.with_name(f"{path.stem}-{number}{path.suffix}")).exists():
+        number += 1
+    return free
+
+
+def rename_existing(path: Path) -> Path | None:
+    """Rename an existing file to the next free name, which is returned."""
+    free = next_free(path)
+    if free is not None:
+        with output_errors(path):
+            path.rename(free)
+    return free
+
+
 def remove(path: Path) -> None:
     """Remove a file or a folder, if it exists."""
     if path.is_dir() and not path.is_symlink():

@@ -12,6 +12,8 @@ a channel is free. Of a contact
 Values are sent when they change. The control values come before the note, as the standard requires.
 """
 
+import errno
+import os
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -20,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from manytouch.errors import MissingExtraError, OutputError
+from manytouch.sinks.files.atomic_output import atomic_file, next_free, rename_existing
 from manytouch.sinks.publishers.address import OutputAddress
 from manytouch.sinks.publishers.touches import NormalisedTouch, TouchScale
 from manytouch.values import Reading
@@ -123,7 +126,10 @@ class MpeEncoder:
 
 
 class MidiPublisher:
-    """Sends messages to a MIDI port, or writes them to a file of type 0."""
+    """Sends messages to a MIDI port, or writes them to a file of type 0 when it is closed.
+
+    An earlier file of that name is renamed then. Without a reading nothing is written.
+    """
 
     def __init__(self, address: OutputAddress, encoder: MpeEncoder) -> None:
         """Open the port or prepare the file.
@@ -152,14 +158,10 @@ class MidiPublisher:
         self._ticks = 0
         if self._path is None:
             self._port = _open_port(target)
+            self.description = f"sends notes to the MIDI port {self._port.name}"
         else:
-            self._save()
+            self.description = _prepare_file(self._path)
         self._send(encoder.configuration())
-        self.description = (
-            f"sends notes to the MIDI port {self._port.name}"
-            if self._path is None
-            else f"writes notes to {self._path}"
-        )
 
     def publish(self, reading: Reading) -> None:
         """Send or store the messages of a reading.
@@ -174,12 +176,16 @@ class MidiPublisher:
         self._send(self._encoder(reading), max(round(elapsed_s * TICKS_PER_S), self._ticks))
 
     def close(self) -> None:
-        """End all notes; close the port or write the file."""
+        """End all notes; close the port or write the file.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
         self._send(self._encoder.silence(), self._ticks)
         if self._port is not None:
             self._port.close()
-        else:
-            self._save()
+        elif self._path is not None and self._first_ns is not None:
+            self._save(self._path)
 
     def _send(self, messages: Sequence[Any], ticks: int = 0) -> None:
         for message in messages:
@@ -199,15 +205,33 @@ class MidiPublisher:
         if self._port.name not in mido.get_output_names():
             raise OutputError(f"the MIDI port {self._port.name!r} has disappeared")
 
-    def _save(self) -> None:
+    def _save(self, path: Path) -> None:
         import mido
 
-        try:
-            mido.MidiFile(type=0, ticks_per_beat=480, tracks=[self._track]).save(self._path)
-        except OSError as error:
-            raise OutputError(
-                f"{str(self._path)!r} cannot be written: {error.strerror or error}; choose another folder"
-            ) from error
+        with atomic_file(path) as partial:
+            mido.MidiFile(type=0, ticks_per_beat=480, tracks=[self._track]).save(partial)
+            rename_existing(path)
+
+
+def _prepare_file(path: Path) -> str:
+    """Check that a file can be written, and describe what is.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    probe = path.with_name(f".{path.name}.{os.getpid()}.probe")
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise OutputError(
+            f"{str(path)!r} cannot be written: {error.strerror or error}; choose another folder"
+        ) from error
+    renamed = next_free(path)
+    kept = "" if renamed is None else f" at the end; the existing file is then renamed to {renamed.name}"
+    return f"writes notes to {path}{kept}"
 
 
 def _open_port(name: str) -> Any:

@@ -15,6 +15,7 @@ from manytouch.sinks.publishers.queued import QueuedOutput
 from manytouch.sinks.publishers.registry import SCHEMES, open_outputs
 from manytouch.sinks.publishers.touches import TouchScale
 from manytouch.values import Phase
+from waiting import wait_until
 
 
 @pytest.fixture
@@ -87,6 +88,25 @@ def test_a_file_has_the_messages_at_their_times(tmp_path: Path, session, reading
         if message.type in ("aftertouch", "note_off"):
             found.append((message.type, round(seconds, 2)))
     assert found == [("aftertouch", 0.0), ("aftertouch", 1.0), ("aftertouch", 2.0), ("note_off", 2.0)]
+
+
+def test_an_existing_file_is_renamed_when_the_new_one_is_complete(
+    tmp_path: Path, session, reading_of, touch
+) -> None:
+    path, url = tmp_path / "take.mid", f"midi://{tmp_path / 'take.mid'}"
+    path.write_bytes(b"earlier")
+    (unused,) = open_outputs([url], session)
+    unused.close()
+    assert [each.name for each in tmp_path.iterdir()] == ["take.mid"]
+    (output,) = open_outputs([url], session)
+    assert output.description.endswith("the existing file is then renamed to take-1.mid")
+    output.write(reading_of(0, (touch(3, 0.5, 0.25, 1.0),)))
+    wait_until(lambda: output.state.sent == 1)
+    assert path.read_bytes() == b"earlier"
+    output.close()
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["take-1.mid", "take.mid"]
+    assert (tmp_path / "take-1.mid").read_bytes() == b"earlier"
+    assert any(message.type == "note_on" for message in mido.MidiFile(path).tracks[0])
 
 
 def test_without_ports_the_names_and_the_remedy_are_stated(session) -> None:
