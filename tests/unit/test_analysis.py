@@ -95,7 +95,11 @@ for number, call in enumerate(calls):
 """
 
 NUMPY_ARGUMENTS = """
+import json
+import tempfile
 from itertools import islice
+from pathlib import Path
+import cv2
 import numpy as np
 import manytouch
 from manytouch.session import Request, request_hashes
@@ -111,6 +115,39 @@ assert np.array_equal(one.image, grey)
 sensor = manytouch.sensor_from_rest(frames, name="a", hfov_deg=np.float32(60.0))
 assert isinstance(sensor.camera.fx_px, float)
 assert request.roi_px == own.roi_px and repr(request.roi_px) == repr(own.roi_px)
+for fps in (np.int64(50), np.float32(50.0)):
+    source = manytouch.open_source("sim:", fps=fps)
+    assert type(source.fps) in (int, float)
+    assert [frame.timestamp_ns for frame in islice(source, 2)] == [0, 20_000_000]
+try:
+    manytouch.prepare(np.int64(99))
+except manytouch.SourceError as error:
+    assert "camera" in str(error), error
+else:
+    raise AssertionError("there is a camera 99")
+
+
+def process(folder, number, real, pair):
+    name = "estimate.contact_tracker.bridge_frames"
+    parameters = {name: number(3), "detect.least_share": real(0.25)}
+    options = {"fps": number(25), "hfov_deg": number(50), "pitch_mm": pair([number(4), number(5)])}
+    made = manytouch.process(
+        folder / "images", out=folder / number.__name__, method="mechanics", parameters=parameters, **options
+    )
+    return json.loads((made / "summary.json").read_text()), (made / "markers.parquet").read_bytes()
+
+
+with tempfile.TemporaryDirectory() as name:
+    folder = Path(name)
+    (folder / "images").mkdir()
+    for frame in frames:
+        cv2.imwrite(str(folder / "images" / f"{frame.index}.png"), frame.image)
+    plain, table = process(folder, int, float, tuple)
+    summary, same = process(folder, np.int64, np.float32, np.array)
+assert table == same
+assert plain["hash"] == summary["hash"] and plain["parameters"] == summary["parameters"]
+assert summary["parameters"]["estimate"]["contact_tracker"]["bridge_frames"] == 3
+assert summary["parameters"]["detect"]["least_share"] == 0.25
 """
 
 

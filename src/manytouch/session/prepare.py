@@ -4,6 +4,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, islice
+from numbers import Integral
 from pathlib import Path
 from types import NoneType
 from typing import Any
@@ -29,6 +30,7 @@ from manytouch.sources import Source, open_source
 from manytouch.sources.cameras.capture import CameraRequest
 from manytouch.sources.source import ASSUMED_FPS, close
 from manytouch.values import Frame, Reading, Roi, Sensor
+from manytouch.values.arrays import plain
 from manytouch.values.display.text import count_of
 from manytouch.values.sensor_file import load_sensor
 
@@ -197,10 +199,11 @@ def prepare(
         ManytouchError: there is no such method or parameter.
     """
     limit_blas_threads()
-    require_type("the input", input, (str, Path, int, Source), INPUT)
+    require_type("the input", input, (str, Path, Integral, Source), INPUT)
     require_type("the sensor", sensor, (str, Path, Sensor, NoneType), "a Sensor, or the path of its file")
     require_type("parameters", parameters, (Mapping, NoneType), "a dictionary of names and values")
     require_type("roi_px", roi_px, (Roi, NoneType), "manytouch.Roi(x_px, y_px, width_px, height_px)")
+    pitch_mm, hfov_deg, fps = plain(pitch_mm), plain(hfov_deg), plain(fps)
     if method is not None:
         pipeline_for(method, roi_px, parameters)  # reports a wrong name before anything is opened
     given = load_sensor(sensor) if isinstance(sensor, str | Path) else sensor
@@ -229,13 +232,9 @@ def prepare(
             settled = rest_of_recording(found, source, frame_count=source.frame_count, roi_px=roi_px)
             # a calibrated file promises a recording that begins at rest: only a clear result corrects that
             found = found if settled.doubt is not None and _is_calibrated_pad(given) else settled.sensor
-    except BaseException:
-        close(source)
-        raise
-    chosen = method or default_method(found)
-    try:
+        chosen = method or default_method(found)
         require_method_for(found, chosen)
-    except ManytouchError:
+    except BaseException:
         close(source)
         raise
     assumed = [UNKNOWN_PRETENSION] if _estimates_pretension(found, chosen) else []
@@ -365,7 +364,7 @@ def _with_size(camera: CameraRequest | None, sensor: Sensor | None) -> CameraReq
 
 def _open(given: str | Path | int | Source, fps: float | None, camera: CameraRequest) -> tuple[Source, str]:
     """A source, and its name in messages."""
-    if isinstance(given, str | Path | int):
+    if not isinstance(given, Source):
         return open_source(str(given), fps=fps, camera=camera), without_password(str(given))
     if fps is not None:
         raise SourceError(f"{given.name!r} is an open source: give fps={fps} to manytouch.open_source")

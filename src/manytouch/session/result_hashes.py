@@ -56,7 +56,7 @@ def request_hashes(source: Source, text: str, request: Request) -> Mapping[str, 
         "pipeline": parameters(pipeline_for(method, request.roi_px, request.parameters)),
         "pitch_mm": to_json(request.pitch_mm),
         "hfov_deg": to_json(request.hfov_deg),
-        "fps": request.fps,
+        "fps": to_json(request.fps),
     }
     return {
         "input": None if source.is_live else _input_hash(source, text),

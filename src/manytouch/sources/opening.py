@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import replace
+from numbers import Integral
 from pathlib import Path
 from types import NoneType
 
@@ -15,6 +16,7 @@ from manytouch.sources.files.video import VIDEO_SUFFIXES, video_source
 from manytouch.sources.joined import JoinedSource
 from manytouch.sources.quiet_opencv import cv2
 from manytouch.sources.source import Source, close
+from manytouch.values.arrays import plain
 
 SUPPORTED = (
     "a camera's number or device, the address of a stream, a video file, an image, a folder of images, "
@@ -40,14 +42,15 @@ def open_source(
     Raises:
         SourceError: it does not exist, or cannot be decoded.
     """
+    fps = plain(fps)
     require_type("fps", fps, (int, float, NoneType), "a number of frames per second")
     if fps is not None and not 1.0 / HIGHEST_FPS <= fps <= HIGHEST_FPS:
         raise SourceError(
             f"The frame rate must be a number of frames per second from {1.0 / HIGHEST_FPS:g} to "
             f"{HIGHEST_FPS:g}, not {fps:g}."
         )
-    require_type("the name of the source", text, (str, os.PathLike, int), SUPPORTED)
-    text = str(text) if isinstance(text, int) else os.fspath(text)
+    require_type("the name of the source", text, (str, os.PathLike, Integral), SUPPORTED)
+    text = os.fspath(text) if isinstance(text, str | os.PathLike) else str(text)
     if text.startswith(VIEWS_PREFIX):
         return _joined_source(text, fps, camera)
     if text.startswith("sim:"):

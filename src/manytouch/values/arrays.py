@@ -1,4 +1,4 @@
-"""Array types of the values, and a function that makes an array read-only."""
+"""Array types of the values, and functions that make arrays read-only and numbers those of Python."""
 
 from typing import Any, TypeVar
 
@@ -24,6 +24,13 @@ Integers = NDArray[np.signedinteger[Any]]
 Flags = NDArray[np.bool_]
 
 Array = TypeVar("Array", bound=np.ndarray)
+
+
+def plain(value: Any) -> Any:
+    """A number of numpy as one of Python; a list or an array as a tuple of them; all else as it is."""
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    return tuple(plain(each) for each in value) if isinstance(value, list | tuple) else value
 
 
 def read_only(array: Array) -> Array:

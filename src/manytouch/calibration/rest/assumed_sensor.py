@@ -25,7 +25,7 @@ from manytouch.geometry.camera import onto_plane
 from manytouch.limits import LARGEST_NUMBER
 from manytouch.tracking.lattice.arrange import Arrangement
 from manytouch.values import Camera, Frame, Layout, Polarity, Roi, Sensor
-from manytouch.values.arrays import read_only
+from manytouch.values.arrays import plain, read_only
 from manytouch.values.sensor_file.assumed_sheet import THICKNESS_PITCHES, assumed_sheet
 
 __all__ = ["register_rest", "sensor_from_dots", "sensor_from_rest"]
@@ -66,6 +66,7 @@ def sensor_from_rest(
     require_type("frames", frames, (list, tuple), expected)
     for frame in frames:
         require_type("one of the frames", frame, Frame, expected)
+    pitch_mm, hfov_deg = plain(pitch_mm), plain(hfov_deg)
     _check_numbers(pitch_mm, hfov_deg)
     width, height = image_size(frames, roi_px)
     appearance, still, notes = find_rest_dots(frames, roi_px, spread)
@@ -133,9 +134,9 @@ def sensor_from_dots(
 
 
 def _check_numbers(pitch_mm: float | tuple[float, float] | None, hfov_deg: float | None) -> None:
-    for pitch in pitch_mm if isinstance(pitch_mm, tuple | list) else (pitch_mm,):
-        require_type("pitch_mm", pitch, (int, float, np.number, NoneType), "a length in mm, or two: (x, y)")
-    require_type("hfov_deg", hfov_deg, (int, float, np.number, NoneType), "an angle in degrees")
+    for pitch in pitch_mm if isinstance(pitch_mm, tuple) else (pitch_mm,):
+        require_type("pitch_mm", pitch, (int, float, NoneType), "a length in mm, or two: (x, y)")
+    require_type("hfov_deg", hfov_deg, (int, float, NoneType), "an angle in degrees")
     least = 1.0 / LARGEST_NUMBER
     pitches = np.asarray(1.0 if pitch_mm is None else pitch_mm)
     if pitches.size not in (1, 2) or not np.all((pitches >= least) & (pitches <= LARGEST_NUMBER)):

@@ -18,6 +18,7 @@ from typing import Any, Literal, get_args, get_origin
 from manytouch.errors import ManytouchError
 from manytouch.pipeline import Pipeline
 from manytouch.values import Roi
+from manytouch.values.arrays import plain
 
 ParameterValue = int | float | str | None
 """A number, one of a few words, or None for a parameter that is determined automatically."""
@@ -96,6 +97,7 @@ def _words(kinds: tuple[Any, ...]) -> tuple[str, ...]:
 
 def _converted(name: str, value: ParameterValue, kinds: tuple[Any, ...]) -> ParameterValue:
     """The value, as one of the types of a parameter."""
+    value = plain(value)
     words, is_number = _words(kinds), int in kinds or float in kinds
     if value is None and type(None) in kinds:
         return None
