@@ -51,13 +51,16 @@ def request_hashes(source: Source, text: str, request: Request) -> Mapping[str, 
     """
     known = request.sensor if request.sensor is not None else source.capabilities.sensor
     method = request.method or (None if known is None else default_method(known))
+    given = request.parameters if method is not None else {}  # else the method follows from the input
     options = {
         "method": method,
-        "pipeline": parameters(pipeline_for(method, request.roi_px, request.parameters)),
+        "pipeline": parameters(pipeline_for(method, request.roi_px, given)),
         "pitch_mm": to_json(request.pitch_mm),
         "hfov_deg": to_json(request.hfov_deg),
         "fps": to_json(request.fps),
     }
+    if given != request.parameters:
+        options["parameters"] = to_json(request.parameters)
     return {
         "input": None if source.is_live else _input_hash(source, text),
         "sensor": values_hash(to_json(known)),

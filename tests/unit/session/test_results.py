@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
+import cv2
 import pytest
 
 from clips import COLUMNS, ROWS, picture
@@ -231,8 +232,6 @@ def hash_of(tmp_path: Path, images: Path, **options: Any) -> str:
 def test_the_hash_follows_input_sensor_parameters_and_version(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import cv2
-
     images = tmp_path / "images"
     images.mkdir()
     for index in range(2):
@@ -247,6 +246,15 @@ def test_the_hash_follows_input_sensor_parameters_and_version(
     (images / "1.png").write_bytes((images / "0.png").read_bytes())
     found.append(hash_of(tmp_path, images))
     assert len(set(found)) == len(found)
+
+
+def test_parameters_of_a_method_that_the_input_decides_are_in_the_hash(tmp_path: Path) -> None:
+    images = tmp_path / "images"
+    images.mkdir()
+    cv2.imwrite(str(images / "0.png"), picture())
+    name = "estimate.contact_tracker.bridge_frames"  # of mechanics, which a pitch makes the default
+    found = {hash_of(tmp_path, images, pitch_mm=4.0, parameters={name: frames}) for frames in (3, 4)}
+    assert len({*found, hash_of(tmp_path, images, pitch_mm=4.0)}) == 3
 
 
 def session_hash(folder: Path, *commands: Command) -> str | None:
