@@ -15,6 +15,7 @@ import manytouch
 from manytouch.geometry.camera import project
 from manytouch.session.results import process_job
 from manytouch.simulation.demo_sensor import demo_sensor
+from manytouch.sinks.files.regions import RegionTable
 from manytouch.sources.simulated import simulated_source
 from results import rows_of
 
@@ -207,6 +208,28 @@ def test_trackpy_gets_its_columns_and_only_markers_that_were_seen(processed: tup
     assert table["x"].null_count == 0
 
 
+def test_regions_are_a_table_which_is_empty_where_the_folder_has_none(
+    processed: tuple, tmp_path: Path
+) -> None:
+    folder, reading = processed
+    for path in folder.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    corners_mm = np.array([[1.0, -2.0], [4.0, -2.0], [4.0, 0.0]])
+    ring = manytouch.OutlineRing(point_mm=corners_mm)
+    contact = replace(reading.contacts.touching[0], outline=(ring,))
+    written = RegionTable(tmp_path, demo_sensor())
+    written.write(replace(reading, contacts=replace(reading.contacts, contacts=(contact,))))
+    written.close()
+    regions = manytouch.read_results(tmp_path).regions
+    assert regions.drop_columns("outline").to_pylist() == [
+        {"frame": reading.frame.index, "contact": contact.id, "ring": 0, "is_hole": False}
+    ]
+    assert regions["outline"].to_pylist() == [corners_mm.tolist()]
+    (tmp_path / "regions.parquet").unlink()
+    none = manytouch.read_results(tmp_path).regions
+    assert (len(none), none.schema) == (0, regions.schema)
+
+
 def test_a_folder_without_results_is_refused_with_what_to_give(processed: tuple, tmp_path: Path) -> None:
     with pytest.raises(manytouch.SourceError, match="no folder"):
         manytouch.read_results(tmp_path / "nothing")
@@ -216,7 +239,9 @@ def test_a_folder_without_results_is_refused_with_what_to_give(processed: tuple,
         manytouch.read_results(processed[0].parent)
 
 
-@pytest.mark.parametrize("name", ["contacts.csv", "markers.parquet", "frames.csv", "summary.json"])
+@pytest.mark.parametrize(
+    "name", ["contacts.csv", "markers.parquet", "frames.csv", "regions.parquet", "summary.json"]
+)
 @pytest.mark.parametrize("content", [b"", b"a,b\n1,2\n", b"\xff\xfe\x00"])
 def test_a_damaged_file_is_refused_with_its_name(
     processed: tuple, tmp_path: Path, name: str, content: bytes

@@ -12,6 +12,7 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 
 from manytouch.errors import SourceError, require_type
+from manytouch.sinks.files.regions import region_schema
 from manytouch.sinks.files.tables import FRAME_COLUMNS, contact_column_names
 from manytouch.values import LengthUnit
 from manytouch.values.display.html import facts_table
@@ -35,6 +36,8 @@ class Results:
         contacts: contacts.csv, one row per contact and frame; null where a value is not known.
         markers: markers.parquet, one row per marker and frame.
         frames: frames.csv, one row per frame.
+        regions: regions.parquet, one row per ring of the outline of a contact and frame; empty where the
+            folder has none, as of an older version.
         summary: summary.json.
         unit: of lengths: "mm", or "pitch" if the scale was not known; columns end in it.
     """
@@ -43,6 +46,7 @@ class Results:
     contacts: pa.Table
     markers: pa.Table
     frames: pa.Table
+    regions: pa.Table
     summary: dict[str, Any]
     unit: LengthUnit
 
@@ -58,7 +62,7 @@ class Results:
         )
 
     def _repr_html_(self) -> str:
-        tables = {"contacts": self.contacts, "markers": self.markers, "frames": self.frames}
+        tables = {name: getattr(self, name) for name in ("contacts", "markers", "frames", "regions")}
         rows = [
             (name, f"{len(table)} rows: {', '.join(table.column_names)}") for name, table in tables.items()
         ]
@@ -72,7 +76,7 @@ def read_results(folder: str | PathLike[str]) -> Results:
         folder: that contains contacts.csv, markers.parquet, frames.csv and summary.json.
 
     Raises:
-        SourceError: a file is missing or damaged.
+        SourceError: a file is missing, except regions.parquet, or damaged.
     """
     require_type("the folder of results", folder, (str, PathLike), "a path, such as 'results/press'")
     path = Path(folder)
@@ -96,6 +100,7 @@ def read_results(folder: str | PathLike[str]) -> Results:
         contacts=contacts,
         markers=markers,
         frames=frames,
+        regions=_regions(path / "regions.parquet", unit),
         summary=_summary(path / "summary.json"),
         unit=unit,
     )
@@ -122,6 +127,15 @@ def _parquet(path: Path) -> pa.Table:
         return pq.read_table(path)
     except (OSError, pa.ArrowException) as error:
         raise SourceError(_unreadable(path, error)) from error
+
+
+def _regions(path: Path, unit: LengthUnit) -> pa.Table:
+    empty = region_schema(unit).empty_table()
+    if not path.exists():
+        return empty
+    table = _parquet(path)
+    _require_columns(table, empty.column_names, path)
+    return table
 
 
 def _summary(path: Path) -> dict[str, Any]:
