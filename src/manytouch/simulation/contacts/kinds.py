@@ -98,7 +98,7 @@ def require_possible(contact: object, where: str, sheet: Sheet, spacing_mm: floa
                 _numbers(where, name, getattr(contact, name), shape)
             if min(contact.size_mm) <= 0.0:
                 raise ContactError(f"{where} has the size {contact.size_mm} mm: give two positive lengths")
-            if contact.outline not in {"ellipse", "rectangle"}:
+            if contact.outline not in ("ellipse", "rectangle"):
                 raise ContactError(f"{where} has the outline {contact.outline!r}: give ellipse or rectangle")
             _require_inside(where, contact.places_mm(), sheet)
         case PointForces():
@@ -116,9 +116,12 @@ def _numbers(where: str, name: str, value: object, shape: tuple[int | None, ...]
     """A value as an array of finite numbers; None in the shape is any length."""
     wanted = f"finite numbers of shape {shape}".replace("None", "n") if shape else "a finite number"
     try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ContactError(f"{where} has a {name} of type {type(value).__name__}: give {wanted}") from None
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        array = np.asarray(None)
+    if array.dtype.kind not in "biuf":
+        raise ContactError(f"{where} has a {name} of type {type(value).__name__}: give {wanted}")
+    array = array.astype(np.float64)
     fits = array.ndim == len(shape) and all(
         length in {None, count} for length, count in zip(shape, array.shape, strict=True)
     )

@@ -4,6 +4,7 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from numbers import Integral
 from typing import Any, Literal, TypeVar, overload
 
 import numpy as np
@@ -91,13 +92,15 @@ def simulate_contacts(
           as ids; without detections.
 
     Raises:
-        ArgumentError: sensor or contacts have a wrong type.
+        ArgumentError: an argument has a wrong type.
         SensorError: the sheet of the sensor cannot be simulated.
         ContactError: a contact is outside of the sheet, too deep, or has a wrong shape.
         ValueError: the output has another name.
     """
     require_type("the sensor", sensor, Sensor, "a Sensor (manytouch.load_sensor reads one)")
     require_type("contacts", contacts, Sequence, "a list of contacts, or a list of such lists")
+    require_type("the output", output, str, "markers, image or reading")
+    require_type("the seed", seed, Integral, "a whole number")
     makers: dict[str, Callable[[_Press], Any]] = {"markers": _markers, "image": _image, "reading": _reading}
     if output not in makers:
         raise ValueError(f"the output is {output!r}: give one of {', '.join(makers)}")
@@ -111,7 +114,7 @@ def simulate_contacts(
         require_type(f"{where}contacts", press, Sequence, "a list of contacts")
         for place, contact in enumerate(press):
             require_possible(contact, f"{where}contact {place}", sheet, solver.spacing_mm)
-        results.append(makers[output](_Press(sensor, press, solver.solve(press, where), seed + number)))
+        results.append(makers[output](_Press(sensor, press, solver.solve(press, where), int(seed) + number)))
     if not is_batch:
         return results[0]
     return results if output == "reading" else np.stack(results)

@@ -238,17 +238,26 @@ WRONG = {
     "simulate(sensor, 5)": "contacts is of type int: give a list of contacts",
     "simulate('demo', [])": "the sensor is of type str: give a Sensor",
     "simulate(sensor, [], output='video')": "the output is 'video': give one of markers, image, reading",
+    "simulate(sensor, [], output=['image'])": "the output is of type list: give markers, image or reading",
+    "simulate(sensor, [], seed='a')": "the seed is of type str: give a whole number",
+    "simulate(sensor, [], seed=1.5)": "the seed is of type float: give a whole number",
     "simulate(sensor, [3])": "contact 0 is of type int: give a Ball, a Patch or PointForces",
     "simulate(sensor, [[], [3]])": "press 1: contact 0 is of type int",
     "simulate(sensor, [[], 3])": "press 1: contacts is of type int: give a list of contacts",
     "patch(force_N=(0, -1))": "force_N of shape (2,): give finite numbers of shape (3,)",
     "patch(size_mm=5.0)": "size_mm of shape (): give finite numbers of shape (2,)",
     "patch(x_mm='left')": "x_mm of type str: give a finite number",
+    "patch(x_mm='1')": "x_mm of type str: give a finite number",
+    "patch(y_mm=10**400)": "y_mm of type int: give a finite number",
+    "patch(size_mm=('5', '5'))": "size_mm of type tuple: give finite numbers of shape (2,)",
+    "patch(x_mm=None)": "x_mm of type NoneType: give a finite number",
+    "patch(outline=['ellipse'])": "outline ['ellipse']: give ellipse or rectangle",
     "patch(outline='ring')": "outline 'ring': give ellipse or rectangle",
     "forces([[0, 0]] * 3, [[0, 0, -1]] * 2)": "place_mm of shape (3, 2): give finite numbers of shape (2, 2)",
     "forces(1.0, 2.0)": "force_N of shape (): give finite numbers of shape (n, 3)",
 }
 PROGRAM = f"""
+import numpy as np
 from manytouch import ManytouchError, Patch, PointForces, simulate_contacts as simulate
 from manytouch.simulation.demo_sensor import demo_sensor
 
@@ -268,6 +277,8 @@ for call in {list(WRONG)!r}:
     except (ManytouchError, ValueError) as error:
         print(error)
 patch(x_mm=1)
+patch(x_mm=np.float32(1.0), size_mm=np.array([5, 5]))
+simulate(sensor, [], output="image", seed=np.int64(2))
 forces([[0, 0]], [[0, 0, -1]])
 """
 
