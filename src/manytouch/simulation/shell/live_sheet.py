@@ -105,6 +105,8 @@ def body_contact(energy: ShellEnergy, loads: BodyLoads, number: int, face: Defor
     start_mm = np.array([energy.x_mm[0], energy.y_mm[0]])
     step_mm = energy.spacing_mm * (energy.shape[0] - 1) / loads.body_at.shape[0]
     place_mm = start_mm + (np.argwhere(loads.body_at == number) + 0.5) * step_mm
+    if not len(place_mm):  # another body has all of its points
+        place_mm = centre_mm[None]
     about_mm = centre_mm + face.displacement_mm(centre_mm[None])[0, :2]
     return TrueContact(
         force_N=read_only(resultant[:3].copy()),

@@ -203,6 +203,14 @@ def test_many_balls_of_any_size_find_an_equilibrium() -> None:
     assert np.all(deepest_mm > 0.6 * np.array(wanted_mm))
 
 
+def test_balls_at_one_place_are_contacts_of_one_depth() -> None:
+    reading = simulate_contacts(SENSOR, [ball(), ball()], output="reading")
+    first, second = reading.contacts.contacts
+    (alone,) = simulate_contacts(SENSOR, [ball()], output="reading").contacts.contacts
+    assert [first.depth_mm, second.depth_mm] == pytest.approx([alone.depth_mm] * 2, rel=0.05)
+    assert np.allclose(first.centre_mm, second.centre_mm)
+
+
 def test_a_press_without_an_equilibrium_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("manytouch.simulation.contacts.coarse_sheet.MOST_EVALUATIONS", 3)
     with pytest.raises(ContactError, match="press 1: no equilibrium was found"):
