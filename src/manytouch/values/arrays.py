@@ -1,5 +1,6 @@
 """Array types of the values, and functions that make arrays read-only and numbers those of Python."""
 
+from dataclasses import fields
 from typing import Any, TypeVar
 
 import numpy as np
@@ -46,3 +47,20 @@ def read_only_view(array: Array) -> Array:
     same kind.
     """
     return read_only(array.view())
+
+
+def reduced(value: Any) -> tuple[Any, ...]:
+    """The `__reduce__` of a value with arrays: those that are read-only stay so in copies.
+
+    numpy makes the arrays of a copy, or of a value from a pickle, writable.
+    """
+    members = [getattr(value, field.name) for field in fields(value)]
+    is_read_only = [isinstance(each, np.ndarray) and not each.flags.writeable for each in members]
+    return _restored, (type(value), members, is_read_only)
+
+
+def _restored(kind: Any, members: list[Any], is_read_only: list[bool]) -> Any:
+    value = object.__new__(kind)
+    for field, member, is_locked in zip(fields(kind), members, is_read_only, strict=True):
+        object.__setattr__(value, field.name, read_only(member) if is_locked else member)
+    return value

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.errors import ManytouchError
-from manytouch.values.arrays import Points2
+from manytouch.values.arrays import Points2, reduced
 from manytouch.values.display.html import columns_table, with_std
 from manytouch.values.display.text import count_of
 from manytouch.values.status import Status
@@ -47,6 +47,8 @@ class OutlineRing:
 
     point_mm: Points2
     is_hole: bool = False
+
+    __reduce__ = reduced
 
     def __repr__(self) -> str:
         return f"OutlineRing({count_of(len(self.point_mm), 'corner')}{', hole' if self.is_hole else ''})"
@@ -99,6 +101,8 @@ class Contact:
     shape: ContactShape | None = None
     shape_probability: float = float("nan")
     outline: tuple[OutlineRing, ...] | None = None
+
+    __reduce__ = reduced
 
     @property
     def normal_force_N(self) -> float:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from manytouch.values.arrays import Covariances2, Points2, Scalars
+from manytouch.values.arrays import Covariances2, Points2, Scalars, reduced
 from manytouch.values.display.text import count_of
 from manytouch.values.status import Status
 
@@ -26,6 +26,8 @@ class Detections:
     area_px2: Scalars
     contrast: Scalars
     status: Status = Status.OK
+
+    __reduce__ = reduced
 
     def __repr__(self) -> str:
         return f"Detections({count_of(len(self.centre_px), 'dot')}, {self.status})"

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from manytouch.errors import ArgumentError
-from manytouch.values.arrays import Image
+from manytouch.values.arrays import Image, reduced
 
 LEVEL_TYPES = (np.dtype(np.uint8), np.dtype(np.uint16))
 """Of the pixels of an image."""
@@ -33,6 +33,8 @@ class Frame:
     image: Image | None
     encoded: bytes | None = None
     arrived_ns: int | None = None
+
+    __reduce__ = reduced
 
     def __post_init__(self) -> None:
         """Check the image, for which every stage is compiled; one of a single channel becomes grey.

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from manytouch.values.arrays import Counts, Covariances2, Mask, Points2, Scalars
+from manytouch.values.arrays import Counts, Covariances2, Mask, Points2, Scalars, reduced
 from manytouch.values.status import Status
 
 
@@ -34,6 +34,8 @@ class TrackedGrid:
     lost_ids: int | None = None
     new_ids: int | None = None
     status: Status = Status.OK
+
+    __reduce__ = reduced
 
     def __repr__(self) -> str:
         return f"TrackedGrid({int(self.is_seen.sum())} of {len(self.is_seen)} markers seen, {self.status})"

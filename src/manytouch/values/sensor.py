@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
+from manytouch.values.arrays import reduced
 from manytouch.values.display.html import facts_table
 from manytouch.values.images.roi import Roi
 
@@ -51,6 +52,8 @@ class Camera:
     rotation_vector_std: Float64[np.ndarray, "3"] | None = None
     translation_std_mm: Float64[np.ndarray, "3"] | None = None
     views: tuple["View", ...] = ()
+
+    __reduce__ = reduced
 
     def __repr__(self) -> str:
         if self.views:
@@ -139,6 +142,8 @@ class Layout:
     rest_px: Float64[np.ndarray, "m 2"] | None = None
     rest_radius_px: Float64[np.ndarray, " m"] | None = None
 
+    __reduce__ = reduced
+
     @property
     def shape(self) -> tuple[int, int] | None:
         """(rows, columns); None if the layout is not a lattice."""
@@ -197,6 +202,8 @@ class Sheet:
     window_index_std: float | None = None
     pad_index_std: float | None = None
     is_assumed: bool = False
+
+    __reduce__ = reduced
 
     @property
     def states_pretension(self) -> bool:

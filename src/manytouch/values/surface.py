@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.errors import ManytouchError
-from manytouch.values.arrays import Covariances3, Points3
+from manytouch.values.arrays import Covariances3, Points3, reduced
 from manytouch.values.display.text import count_of
 from manytouch.values.sensor import Layout
 from manytouch.values.status import Status
@@ -89,6 +89,8 @@ class SheetSpline:
     pretension_over_E_mm: float = float("nan")
     pretension_std_over_E_mm: float = float("nan")
 
+    __reduce__ = reduced
+
     def __repr__(self) -> str:
         (x_mm, y_mm), (columns, rows) = self.size_mm, self.elements
         return f"SheetSpline({x_mm:g} x {y_mm:g} mm, {columns} x {rows} elements)"
@@ -118,6 +120,8 @@ class Surface:
     layout: Layout | None = None
     interpolation: Interpolation = SPLINE
     status: Status = Status.OK
+
+    __reduce__ = reduced
 
     def __repr__(self) -> str:
         depth_mm = -self.displacement_mm[:, 2]

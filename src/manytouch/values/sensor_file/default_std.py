@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.values.arrays import read_only
+from manytouch.values.arrays import read_only, reduced
 from manytouch.values.sensor import Camera, Sheet
 
 THICKNESS_SHARE = 0.05
@@ -64,6 +64,8 @@ class CameraStd:
     distortion: Float64[np.ndarray, " d"]
     rotation_vector: Float64[np.ndarray, "3"]
     translation_mm: Float64[np.ndarray, "3"]
+
+    __reduce__ = reduced
 
 
 def sheet_std(sheet: Sheet) -> SheetStd:
