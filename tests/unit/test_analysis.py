@@ -69,6 +69,8 @@ calls = [
     lambda: frame(grey.ravel()),
     lambda: frame(grey[0, 0]),
     lambda: frame(np.dstack([grey] * 4)),  # BGRA
+    lambda: manytouch.Frame(index=1.5, timestamp_ns=0, camera="mine", image=None),
+    lambda: manytouch.Frame(index="1", timestamp_ns=0, camera="mine", image=None),
     lambda: manytouch.sample(sensor, np.zeros(2), np.zeros(2)),
     lambda: manytouch.sample(surface, np.zeros(3), np.zeros(2)),
     lambda: manytouch.sample(surface, *np.meshgrid(np.zeros(3), np.zeros(2))),
@@ -111,8 +113,9 @@ request = Request(hfov_deg=np.float32(60.0), pitch_mm=np.float32(4.0), roi_px=ma
 assert request_hashes(source, "sim:", request) == request_hashes(source, "sim:", own)
 frames = list(islice(source, 3))
 grey = frames[0].image
-one = manytouch.Frame(index=0, timestamp_ns=0, camera="mine", image=grey[..., None])
+one = manytouch.Frame(index=np.int32(3), timestamp_ns=np.int32(10), camera="mine", image=grey[..., None])
 assert np.array_equal(one.image, grey)
+assert (type(one.index), type(one.timestamp_ns)) == (int, int)
 sensor = manytouch.sensor_from_rest(frames, name="a", hfov_deg=np.float32(60.0))
 assert isinstance(sensor.camera.fx_px, float)
 assert request.roi_px == own.roi_px and repr(request.roi_px) == repr(own.roi_px)

@@ -450,6 +450,19 @@ def test_a_button_begins_and_ends_a_recording(tmp_path: Path) -> None:
     assert recording.has_reading(0)
 
 
+def test_a_number_of_a_frame_that_is_too_large_is_one_sentence(tmp_path: Path) -> None:
+    job = prepare(Pictures(frames=20))
+    path = tmp_path / "late.mcap"
+    recorder = Recorder(path, source=job.input_info)
+    recorder.describe(job.sensor, job.pipeline, job.method)
+    for frame in job.frames:
+        object.__setattr__(frame, "index", frame.index + 2**31 - 5)  # as of another program
+        recorder.take(frame)
+    recorder.close()
+    with pytest.raises(SourceError, match=r"late\.mcap' has a frame with the number 2147483648, larger than"):
+        open_source(path)
+
+
 def test_frames_that_nobody_reads_are_recorded_and_noted(tmp_path: Path) -> None:
     job = prepare(Pictures(frames=20))
     readings = list(job.readings())

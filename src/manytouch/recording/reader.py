@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from manytouch.errors import MissingExtraError, SourceError
+from manytouch.limits import MAX_FRAME_INDEX
 from manytouch.recording import CAMERA, READING, SESSION
 from manytouch.recording.messages import decode_reading, decode_session
 from manytouch.recording.records import ChunkLocation, MessageLocation, read_chunk, scan
@@ -74,7 +75,7 @@ class Recording:
 
         Raises:
             SourceError: the sensor is not in it, or none is given for a rig; it is not
-                an MCAP file, or no session or no frame in it is whole.
+                an MCAP file, no session or no frame in it is whole, or the number of a frame is too large.
             MissingExtraError: the packages for recordings are not installed.
         """
         try:
@@ -198,6 +199,11 @@ class Recording:
         """One place per number; the first of several."""
         found: dict[int, FramePlace] = {}
         for location in locations:
+            if location.sequence > MAX_FRAME_INDEX:
+                raise SourceError(
+                    f"{str(self.path)!r} has a frame with the number {location.sequence}, larger than "
+                    f"{MAX_FRAME_INDEX}: record it again, with numbers from 0"
+                )
             timestamp_ns = location.log_ns - self.started_unix_ns
             if abs(timestamp_ns) < LONGEST_NS:
                 found.setdefault(location.sequence, FramePlace(location.sequence, timestamp_ns, location))

@@ -171,7 +171,7 @@ class RecordingWriter:
             log_time=log_ns,
             publish_time=log_ns,
             data=data,
-            sequence=sequence % 2**32,
+            sequence=sequence,
         )
         self._file.flush()
         self.valid_bytes = self._file.tell()

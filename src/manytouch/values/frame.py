@@ -5,8 +5,9 @@ from typing import Literal
 
 import numpy as np
 
-from manytouch.errors import ArgumentError
-from manytouch.values.arrays import Image, reduced
+from manytouch.errors import ArgumentError, SourceError, require_type
+from manytouch.limits import MAX_FRAME_INDEX
+from manytouch.values.arrays import Image, plain, reduced
 
 LEVEL_TYPES = (np.dtype(np.uint8), np.dtype(np.uint16))
 """Of the pixels of an image."""
@@ -17,7 +18,7 @@ class Frame:
     """One image of a source, or the place of one that could not be decoded.
 
     Attributes:
-        index: number of the frame in its source, from 0; a gap means dropped frames.
+        index: number of the frame in its source, from 0 to `MAX_FRAME_INDEX`; a gap means dropped frames.
         timestamp_ns: time of the image, monotonic, 0 at the start of the source: the middle of the exposure
             in simulation; else as the driver or the file states it, by the frame rate, or of arrival.
         camera: name of the source or camera.
@@ -40,8 +41,16 @@ class Frame:
         """Check the image, for which every stage is compiled; one of a single channel becomes grey.
 
         Raises:
-            ArgumentError: it has another type or another number of channels.
+            ArgumentError: it has another type or another number of channels, or the index is not whole.
+            SourceError: the index is negative, or larger than `MAX_FRAME_INDEX`.
         """
+        for name in ("index", "timestamp_ns"):
+            object.__setattr__(self, name, plain(getattr(self, name)))
+        require_type("the number of a frame", self.index, int, "a whole number")
+        if not 0 <= self.index <= MAX_FRAME_INDEX:
+            raise SourceError(
+                f"a frame has the number {self.index}: give whole numbers from 0 to {MAX_FRAME_INDEX}"
+            )
         image = self.image
         if image is not None and not _is_image(image):
             kind = type(image).__name__
