@@ -23,8 +23,8 @@ from manytouch.values import Sensor
 
 UNITS = ("mm2", "pitch2", "Nmm", "mm", "pitch", "px", "rad", "N", "s")
 TEXTS = ("phase", "shape", "status", "method")
-INTEGERS = ("slip", "lost_ids", "new_ids")  # these and the numbers may be empty in every line
-NUMBERS = ("shape_probability",)
+INTEGERS = ("frame", "contact", "slip", "markers_seen", "contacts", "lost_ids", "new_ids")
+NUMBERS = ("shape_probability", "milliseconds")
 
 
 def write_parquet(recordings: Sequence[Recording], folder: Path) -> None:

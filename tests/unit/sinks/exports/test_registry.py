@@ -129,6 +129,21 @@ def test_columns_of_parquet_tables_have_types_also_where_every_line_is_empty(rec
     assert [frames.field(name).type for name in ("lost_ids", "new_ids")] == [pa.int64()] * 2
 
 
+def test_tables_of_a_recording_without_readings_have_the_types_of_any_other(
+    record, sensor, reading_of, tmp_path: Path
+) -> None:
+    recorder = Recorder(tmp_path / "unread.mcap", source={})
+    recorder.describe(sensor, pipeline_for("perimeter"), "perimeter")
+    recorder.take(reading_of(0).frame)
+    recorder.close()
+    paths = [record(tmp_path / "press.mcap"), tmp_path / "unread.mcap"]
+    usual, empty = export(paths, "parquet", tmp_path / "out")
+    for name in ("contacts", "frames", "markers", "regions"):
+        assert pq.read_schema(empty / f"{name}.parquet") == pq.read_schema(usual / f"{name}.parquet"), name
+        assert pq.read_table(empty / f"{name}.parquet").num_rows == 0
+    assert pq.read_schema(usual / "frames.parquet").field("milliseconds").type == pa.float64()
+
+
 def test_frames_have_the_method_of_the_recording_unless_it_was_changed(
     record, sensor, reading_of, tmp_path: Path
 ) -> None:
