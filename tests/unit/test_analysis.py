@@ -72,6 +72,7 @@ calls = [
     lambda: manytouch.Frame(index=1.5, timestamp_ns=0, camera="mine", image=None),
     lambda: manytouch.Frame(index="1", timestamp_ns=0, camera="mine", image=None),
     lambda: manytouch.sample(sensor, np.zeros(2), np.zeros(2)),
+    lambda: manytouch.sample(surface, "left", np.zeros(1)),
     lambda: manytouch.sample(surface, np.zeros(3), np.zeros(2)),
     lambda: manytouch.sample(surface, *np.meshgrid(np.zeros(3), np.zeros(2))),
     lambda: manytouch.sample(surface, np.array([np.nan, 0.0]), np.zeros(2)),

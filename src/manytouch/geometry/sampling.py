@@ -169,7 +169,7 @@ def sampling_at(layout: Layout, point_mm: Points2) -> PointSampling:
         x_mm, y_mm, order = lattice
         along_x, along_y = _spline(x_mm, point_mm[:, 0]).whole, _spline(y_mm, point_mm[:, 1]).whole
         weight = np.zeros((len(point_mm), len(rest_mm)))
-        weight[:, order] = (along_y[:, :, None] * along_x[:, None, :]).reshape(len(point_mm), -1)
+        weight[:, order] = (along_y[:, :, None] * along_x[:, None, :]).reshape(len(point_mm), len(order))
         is_inside = _is_within(layout, x_mm, point_mm[:, 0], 0) & _is_within(layout, y_mm, point_mm[:, 1], 1)
         return PointSampling(
             weight=csr_array(weight),

@@ -94,7 +94,13 @@ def sample(
             "a surface without a layout cannot be sampled; take it from a reading, or set its layout with "
             "dataclasses.replace(surface, layout=sensor.layout)"
         )
-    x, y = np.atleast_1d(np.asarray(x_mm, np.float64)), np.atleast_1d(np.asarray(y_mm, np.float64))
+    try:
+        x, y = (np.atleast_1d(np.asarray(each, np.float64)) for each in (x_mm, y_mm))
+    except (TypeError, ValueError):
+        kinds = f"{type(x_mm).__name__} and {type(y_mm).__name__}"
+        raise ArgumentError(
+            f"x_mm and y_mm are of the types {kinds}: give two arrays of n finite numbers"
+        ) from None
     if x.ndim != 1 or x.shape != y.shape or not np.isfinite([x, y]).all():
         raise ArgumentError(
             f"x_mm and y_mm have the shapes {x.shape} and {y.shape}: give two arrays of n finite numbers (of "

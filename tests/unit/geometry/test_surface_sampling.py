@@ -15,7 +15,7 @@ from manytouch.geometry.surface_sampling import SurfaceSampler, sampler_at, samp
 from manytouch.mechanics.markers.images import Face
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.simulation.demo_sensor import demo_sensor
-from manytouch.values import SheetSpline, Surface
+from manytouch.values import Interpolation, SheetSpline, Surface
 
 SIZE_MM, YOUNG_MPA, THICKNESS_MM = (120.0, 80.0), 2.0, 3.0
 PATCH = SplinePatch(size_mm=SIZE_MM, elements=(30, 20))
@@ -85,6 +85,19 @@ def test_the_face_moves_as_in_the_mechanics(size_mm: tuple[float, float], bounda
     expected = Face(shell=replace(SHELL, patch=patch), point_mm=point_mm).displacement(coefficient_mm)
     spline = spline_of(coefficient_mm=coefficient_mm, patch=patch)
     np.testing.assert_allclose(sheet_face(spline, point_mm).displacement_mm(spline), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["spline", "idw"])
+@pytest.mark.parametrize("has_rows", [True, False])
+@pytest.mark.parametrize("has_spline", [True, False])
+def test_no_points_give_no_values(kind: str, has_rows: bool, has_spline: bool) -> None:
+    layout = LAYOUT if has_rows else replace(LAYOUT, row_column=None)
+    surface = replace(dented_surface(), layout=layout, interpolation=Interpolation(kind=kind))
+    found = manytouch.sample(
+        surface if has_spline else replace(surface, spline=None), np.zeros(0), np.zeros(0)
+    )
+    shapes = {name: getattr(found, name).shape for name in type(found).__slots__}
+    assert shapes == {name: (0, 3) if name == "displacement_mm" else (0,) for name in shapes}
 
 
 def test_points_and_grid_give_the_same_fields(grid: SurfaceSampler) -> None:
