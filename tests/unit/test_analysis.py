@@ -71,6 +71,9 @@ calls = [
     lambda: frame(np.dstack([grey] * 4)),  # BGRA
     lambda: manytouch.Frame(index=1.5, timestamp_ns=0, camera="mine", image=None),
     lambda: manytouch.Frame(index="1", timestamp_ns=0, camera="mine", image=None),
+    lambda: manytouch.Frame(index=1, timestamp_ns="0", camera="mine", image=None),
+    lambda: manytouch.Frame(index=1, timestamp_ns=float("nan"), camera="mine", image=None),
+    lambda: manytouch.Frame(index=1, timestamp_ns=0, camera="mine", image=None, encoded="press.jpg"),
     lambda: manytouch.sample(sensor, np.zeros(2), np.zeros(2)),
     lambda: manytouch.sample(surface, "left", np.zeros(1)),
     lambda: manytouch.sample(surface, np.zeros(3), np.zeros(2)),
@@ -117,6 +120,8 @@ grey = frames[0].image
 one = manytouch.Frame(index=np.int32(3), timestamp_ns=np.int32(10), camera="mine", image=grey[..., None])
 assert np.array_equal(one.image, grey)
 assert (type(one.index), type(one.timestamp_ns)) == (int, int)
+third = manytouch.Frame(index=1, timestamp_ns=1e9 / 30, camera="mine", image=grey)
+assert (third.timestamp_ns, type(third.timestamp_ns)) == (33_333_333, int)
 sensor = manytouch.sensor_from_rest(frames, name="a", hfov_deg=np.float32(60.0))
 assert isinstance(sensor.camera.fx_px, float)
 assert request.roi_px == own.roi_px and repr(request.roi_px) == repr(own.roi_px)

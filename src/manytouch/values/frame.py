@@ -1,6 +1,8 @@
 """One image of a source."""
 
+import math
 from dataclasses import dataclass
+from types import NoneType
 from typing import Literal
 
 import numpy as np
@@ -38,15 +40,21 @@ class Frame:
     __reduce__ = reduced
 
     def __post_init__(self) -> None:
-        """Check the image, for which every stage is compiled; one of a single channel becomes grey.
+        """Check the members; a time is rounded, and an image of a single channel becomes grey.
 
         Raises:
-            ArgumentError: it has another type or another number of channels, or the index is not whole.
+            ArgumentError: it has another type or another number of channels, or another member has a wrong
+                type.
             SourceError: the index is negative, or larger than `MAX_FRAME_INDEX`.
         """
-        for name in ("index", "timestamp_ns"):
-            object.__setattr__(self, name, plain(getattr(self, name)))
-        require_type("the number of a frame", self.index, int, "a whole number")
+        index, time_ns = plain(self.index), plain(self.timestamp_ns)
+        if isinstance(time_ns, float) and math.isfinite(time_ns):
+            time_ns = round(time_ns)
+        require_type("the number of a frame", index, int, "a whole number")
+        require_type("the time of a frame", time_ns, int, "a whole number of nanoseconds")
+        require_type("encoded", self.encoded, (bytes, bytearray, NoneType), "the bytes of a JPEG or PNG")
+        object.__setattr__(self, "index", index)
+        object.__setattr__(self, "timestamp_ns", time_ns)
         if not 0 <= self.index <= MAX_FRAME_INDEX:
             raise SourceError(
                 f"a frame has the number {self.index}: give whole numbers from 0 to {MAX_FRAME_INDEX}"
