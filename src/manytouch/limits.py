@@ -14,6 +14,8 @@ MAX_MESSAGE_BYTES = 2**29
 """Of a message of a recording, such as a frame or a reading."""
 MAX_FRAME_INDEX = 2**31 - 1
 """Number of a frame, which has 32 bits in tables and messages: 2 years at 30 frames per second."""
+MAX_FRAME_TIME_NS = 10 * 365 * 86_400 * 10**9
+"""Time of a frame of a recording, from its start: 10 years."""
 MAX_TOML_BYTES = 4_000_000
 MAX_TOML_DEPTH = 8
 MAX_TOML_KEYS = 10_000

@@ -2,11 +2,12 @@
 
 import errno
 import json
+import re
 import threading
 import time
 import typing
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -428,6 +429,36 @@ def test_room_is_kept_for_the_end_of_the_file(tmp_path: Path, monkeypatch: pytes
     recording = Recording(path)
     assert recording.is_complete, "with its index"
     assert 3 < len(recording) < 60
+
+
+@pytest.mark.parametrize("later_ns", [-(10**9), 10**10, 2**62])
+def test_a_recording_of_times_that_do_not_count_from_the_start_ends_with_a_sentence(
+    tmp_path: Path, later_ns: int
+) -> None:
+    job = prepare(Pictures(frames=20))
+    recorder = Recorder(tmp_path / "x.mcap", source=job.input_info)
+    recorder.describe(job.sensor, job.pipeline, job.method)
+    begin_ns = time.time_ns() + later_ns
+    for frame in job.frames:
+        recorder.take(replace(frame, timestamp_ns=begin_ns + frame.timestamp_ns))
+    recorder.close()
+    assert recorder.ended is not None
+    assert re.match(
+        r"frame 0 has the time \d+ s, .* less than 10 years: x.mcap ended; 0 frames", recorder.ended
+    )
+
+
+def test_an_error_at_the_end_of_a_recording_is_its_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_: object) -> None:
+        raise ValueError("no index")
+
+    monkeypatch.setattr("manytouch.recording.writer.RecordingWriter.finish", fail)
+    live = Live(prepare(Pictures(frames=20)), record=tmp_path / "x.mcap")
+    run(live, [])
+    assert any("no index: x.mcap ended" in note for note in live.health().notes)
+    assert len(Recording(tmp_path / "x.mcap")) == 20
 
 
 def test_a_recording_that_cannot_begin_is_one_sentence(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from manytouch.errors import MissingExtraError, SourceError
-from manytouch.limits import MAX_FRAME_INDEX
+from manytouch.limits import MAX_FRAME_INDEX, MAX_FRAME_TIME_NS
 from manytouch.recording import CAMERA, READING, SESSION
 from manytouch.recording.messages import decode_reading, decode_session
 from manytouch.recording.records import ChunkLocation, MessageLocation, read_chunk, scan
@@ -27,7 +27,6 @@ from manytouch.values import (
     TrackedGrid,
 )
 
-LONGEST_NS = 10 * 365 * 86_400 * 10**9
 MOST_LOST_FRAMES = 100_000
 
 
@@ -205,7 +204,7 @@ class Recording:
                     f"{MAX_FRAME_INDEX}: record it again, with numbers from 0"
                 )
             timestamp_ns = location.log_ns - self.started_unix_ns
-            if abs(timestamp_ns) < LONGEST_NS:
+            if abs(timestamp_ns) < MAX_FRAME_TIME_NS:
                 found.setdefault(location.sequence, FramePlace(location.sequence, timestamp_ns, location))
         return sorted(found.values(), key=lambda place: place.sequence)
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from manytouch.errors import OutputError
+from manytouch.limits import MAX_FRAME_TIME_NS
 from manytouch.pipeline import Pipeline
 from manytouch.recording import SCHEMA
 from manytouch.recording.writer import OutputFile, RecordingWriter, require_mcap
@@ -103,7 +104,7 @@ class Recorder:
             self._queued_bytes += size
         if self._from_index is None:
             self._from_index = frame.index
-            self._started_unix_ns = started_unix_ns(frame)
+            self._started_unix_ns = max(started_unix_ns(frame), 0)
         self._queue.put((frame, size))
 
     def write(self, reading: Reading) -> None:
@@ -128,6 +129,8 @@ class Recorder:
                     self._put(item)
                 except OSError as error:
                     self._fail(error)
+                except OutputError as error:
+                    self._finish(f"{error}: {self.path.name} ended")
                 except Exception as error:  # noqa: BLE001 - reported in `ended`; the session continues without a recording
                     self._finish(f"{type(error).__name__}: {error}: {self.path.name} ended")
             if size:
@@ -161,6 +164,7 @@ class Recorder:
         elif isinstance(item, str):
             self._started_writer().log(item)
         elif isinstance(item[0], Frame):
+            _require_time(item[0])
             encoded, suffix = encode_frame(item[0])
             self._started_writer().frame(item[0], encoded, suffix)
             self.frames += 1
@@ -197,12 +201,12 @@ class Recorder:
                 return
             self._started_writer().finish()
             self._file.close()
-        except OSError as error:
+        except Exception as error:  # noqa: BLE001 - reported in `ended`
             self._fail(error)
             return
         self._set_ended(why)
 
-    def _fail(self, error: OSError) -> None:
+    def _fail(self, error: Exception) -> None:
         """End the file after its last complete message."""
         complete_bytes = 0 if self._writer is None else self._writer.valid_bytes
         try:
@@ -210,11 +214,10 @@ class Recorder:
             self._file.close()
         except OSError:
             error.add_note("the file could not be truncated after its last complete message either")
-        what = (
-            "the disk is full"
-            if error.errno in (errno.ENOSPC, errno.EDQUOT)
-            else f"{error.strerror or error}"
-        )
+        what = f"{error}"
+        if isinstance(error, OSError):
+            is_full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+            what = "the disk is full" if is_full else error.strerror or what
         self._set_ended(f"{what}: {self.path.name} ended, {self._space()}")
 
     def _set_ended(self, why: str) -> None:
@@ -252,6 +255,19 @@ class UnbufferedFile:
     def close(self) -> None:
         """Close the file."""
         self._raw.close()
+
+
+def _require_time(frame: Frame) -> None:
+    """Refuse a time that is not read back.
+
+    Raises:
+        OutputError: it cannot be counted from the start of the source.
+    """
+    if abs(frame.timestamp_ns) >= MAX_FRAME_TIME_NS:
+        raise OutputError(
+            f"frame {frame.index} has the time {frame.timestamp_ns * 1e-9:.0f} s, but times count from the "
+            "start of the source: give a timestamp_ns of less than 10 years"
+        )
 
 
 def _byte_count(frame: Frame) -> int:
