@@ -24,7 +24,7 @@ from manytouch.session.methods import (
     require_method_for,
 )
 from manytouch.session.result_hashes import Pitch, Request
-from manytouch.session.run import NoObserver, Observer, StopCondition
+from manytouch.session.run import OBSERVER, NoObserver, Observer, StopCondition
 from manytouch.session.warm_up import warm_up_for
 from manytouch.sources import Source, open_source
 from manytouch.sources.cameras.capture import CameraRequest
@@ -32,6 +32,7 @@ from manytouch.sources.source import ASSUMED_FPS, close
 from manytouch.values import Frame, Reading, Roi, Sensor
 from manytouch.values.arrays import plain
 from manytouch.values.display.text import count_of
+from manytouch.values.images.roi import require_roi
 from manytouch.values.sensor_file import load_sensor
 
 START_FRAMES = 15  # the first ones, which show the sensor and its rest positions
@@ -202,7 +203,8 @@ def prepare(
     require_type("the input", input, (str, Path, Integral, Source), INPUT)
     require_type("the sensor", sensor, (str, Path, Sensor, NoneType), "a Sensor, or the path of its file")
     require_type("parameters", parameters, (Mapping, NoneType), "a dictionary of names and values")
-    require_type("roi_px", roi_px, (Roi, NoneType), "manytouch.Roi(x_px, y_px, width_px, height_px)")
+    require_roi(roi_px)
+    require_type("the observer", observer, (Observer, NoneType), OBSERVER)
     pitch_mm, hfov_deg, fps = plain(pitch_mm), plain(hfov_deg), plain(fps)
     if method is not None:
         pipeline_for(method, roi_px, parameters)  # reports a wrong name before anything is opened
@@ -327,11 +329,10 @@ def _determine_sensor(
     first = tuple(islice(frames, START_FRAMES))
     if not first:
         raise SourceError(f"{text} contains no frame: give a video or images that show the dotted sheet")
-    if given is not None:
-        if given.is_nominal:
-            found = register_nominal(given, first, roi_px=roi_px, spread=spread)
-        else:
-            found = register_rest(given, first, roi_px=roi_px)
+    if given is not None and given.is_nominal:
+        found = register_nominal(given, first, roi_px=roi_px, spread=spread)
+    elif given is not None:
+        found = register_rest(given, first, roi_px=roi_px)
     elif own is not None:
         found = own
     else:

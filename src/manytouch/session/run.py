@@ -6,6 +6,7 @@ where their readings come from and at which pace: that is behind `Readings`.
 
 from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack
+from types import NoneType
 from typing import Protocol, runtime_checkable
 
 from manytouch.errors import require_type
@@ -14,6 +15,9 @@ from manytouch.values import Reading, Sensor
 
 StopCondition = Callable[[], bool]
 """Returns True once a run shall end; called after each frame, and while none comes."""
+
+
+OBSERVER = "an object with on_message, on_begin and on_reading, see manytouch.Observer"
 
 
 @runtime_checkable
@@ -104,6 +108,8 @@ def run(
     require_type("sinks", sinks, (list, tuple), "a list of sinks")
     for sink in sinks:
         require_type("a sink", sink, Sink, "an object with write(reading) and close()")
+    require_type("the observer", observer, (Observer, NoneType), OBSERVER)
+    require_type("stop", stop, (Callable, NoneType), "a function that returns whether to end")  # type: ignore[arg-type]
     watch = NoObserver() if observer is None else observer
     is_over = _never if stop is None else stop
     receivers = (*sinks, *readings.own_sinks)

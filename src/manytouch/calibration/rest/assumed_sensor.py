@@ -26,6 +26,7 @@ from manytouch.limits import LARGEST_NUMBER
 from manytouch.tracking.lattice.arrange import Arrangement
 from manytouch.values import Camera, Frame, Layout, Polarity, Roi, Sensor
 from manytouch.values.arrays import plain, read_only
+from manytouch.values.images.roi import require_roi
 from manytouch.values.sensor_file.assumed_sheet import THICKNESS_PITCHES, assumed_sheet
 
 __all__ = ["register_rest", "sensor_from_dots", "sensor_from_rest"]
@@ -66,6 +67,8 @@ def sensor_from_rest(
     require_type("frames", frames, (list, tuple), expected)
     for frame in frames:
         require_type("one of the frames", frame, Frame, expected)
+    require_type("the name of the sensor", name, str, "a text")
+    require_roi(roi_px)
     pitch_mm, hfov_deg = plain(pitch_mm), plain(hfov_deg)
     _check_numbers(pitch_mm, hfov_deg)
     width, height = image_size(frames, roi_px)
@@ -134,8 +137,8 @@ def sensor_from_dots(
 
 
 def _check_numbers(pitch_mm: float | tuple[float, float] | None, hfov_deg: float | None) -> None:
-    for pitch in pitch_mm if isinstance(pitch_mm, tuple) else (pitch_mm,):
-        require_type("pitch_mm", pitch, (int, float, NoneType), "a length in mm, or two: (x, y)")
+    for pitch in pitch_mm if isinstance(pitch_mm, tuple) else (1.0 if pitch_mm is None else pitch_mm,):
+        require_type("pitch_mm", pitch, (int, float), "a length in mm, or two: (x, y)")
     require_type("hfov_deg", hfov_deg, (int, float, NoneType), "an angle in degrees")
     least = 1.0 / LARGEST_NUMBER
     pitches = np.asarray(1.0 if pitch_mm is None else pitch_mm)

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, Literal, get_args, get_origin
 
-from manytouch.errors import ManytouchError
+from manytouch.errors import ManytouchError, require_type
 from manytouch.pipeline import Pipeline
 from manytouch.values import Roi
 from manytouch.values.arrays import plain
@@ -98,6 +98,7 @@ def _words(kinds: tuple[Any, ...]) -> tuple[str, ...]:
 def _converted(name: str, value: ParameterValue, kinds: tuple[Any, ...]) -> ParameterValue:
     """The value, as one of the types of a parameter."""
     value = plain(value)
+    require_type(name, value, (int, float, str, types.NoneType), "a number, a word, or None")
     words, is_number = _words(kinds), int in kinds or float in kinds
     if value is None and type(None) in kinds:
         return None

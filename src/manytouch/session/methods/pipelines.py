@@ -3,9 +3,10 @@
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from types import NoneType
 
 from manytouch.detection import DotSearch
-from manytouch.errors import ManytouchError
+from manytouch.errors import ManytouchError, require_type
 from manytouch.estimation import MechanicsEstimator, PadEstimator, PerimeterEstimator
 from manytouch.paper.detection import PaperDetection
 from manytouch.paper.estimation import PaperEstimation
@@ -14,6 +15,7 @@ from manytouch.pipeline import Pipeline
 from manytouch.session.methods.parameters import ParameterValue, with_parameters
 from manytouch.tracking import MarkerTracker
 from manytouch.values import Roi, Sensor
+from manytouch.values.images.roi import require_roi
 from manytouch.values.surface import SPLINE
 
 METHODS = ("mechanics", "perimeter", "paper")
@@ -76,6 +78,8 @@ def pipeline_for(
     Raises:
         ManytouchError: there is no such method or parameter, or a value is invalid.
     """
+    require_roi(roi_px)
+    require_type("parameters", parameters, (Mapping, NoneType), "a dictionary of names and values")
     return with_parameters(_default_pipeline(method or DEFAULT, roi_px), parameters or {})
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from numbers import Integral
+from types import NoneType
 
 from manytouch.errors import SourceError, require_type
 
@@ -59,3 +60,12 @@ class Roi:
                 f"the region of interest {self} (x,y,width,height) does not lie inside the image of {name}, "
                 f"which has {width_px} x {height_px} px: give one that does, or none"
             )
+
+
+def require_roi(roi_px: object) -> None:
+    """Check that a region of interest is one, or None.
+
+    Raises:
+        ArgumentError: it is not.
+    """
+    require_type("roi_px", roi_px, (Roi, NoneType), "manytouch.Roi(x_px, y_px, width_px, height_px)")
