@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from manytouch.cli.terminal import options
 from manytouch.cli.terminal.failures import report, usage_error
+from manytouch.errors import OutputError
 from manytouch.sinks.files.atomic_output import check_writable
 from manytouch.source_names import require_existing
 
@@ -41,6 +42,19 @@ def export(
         return 0
     if not recordings:
         raise usage_error("export", "no recording is given: list one or more .mcap files")
+    failed: set[str] = set()
+
+    def fail(name: str, error: Exception) -> None:
+        report(error, f"--{name}: " if len(folders) > 1 else "")
+        failed.add(name)
+
+    for name, folder in folders.items():
+        try:
+            check_writable(folder)
+        except OutputError as error:
+            fail(name, error)
+    if len(failed) == len(folders):
+        return 1
     require_existing(recordings)
     from manytouch.sinks.exports.registry import export as export_recordings
 
@@ -51,14 +65,13 @@ def export(
             print(f"warning: {sentence}", file=sys.stderr)
         warned.add(sentence)
 
-    failed = 0
     for name, folder in folders.items():
+        if name in failed:
+            continue
         try:
-            check_writable(folder)
             paths = export_recordings(recordings, name, folder, warn)
         except Exception as error:  # noqa: BLE001 - the other formats are written all the same
-            report(error, f"--{name}: " if len(folders) > 1 else "")
-            failed += 1
+            fail(name, error)
             continue
         for path in paths:
             print(path)
