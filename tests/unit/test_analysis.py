@@ -114,6 +114,7 @@ for number, call in enumerate(calls):
 NUMPY_ARGUMENTS = """
 import json
 import tempfile
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 import cv2
@@ -159,6 +160,15 @@ def process(folder, number, real, pair):
 
 with tempfile.TemporaryDirectory() as name:
     folder = Path(name)
+    known = manytouch.prepare("sim:rest").sensor
+    sheet = replace(known.sheet, young_MPa=np.float32(1.5))
+    camera = replace(known.camera, width_px=np.int64(known.camera.width_px))
+    known = replace(known, sheet=sheet, camera=camera, provenance={"steps": [np.int64(3)], "at": np.ones(2)})
+    manytouch.save_sensor(known, folder / "sensor.toml")
+    loaded = manytouch.load_sensor(folder / "sensor.toml")
+    assert (loaded.sheet.young_MPa, dict(loaded.provenance)) == (1.5, {"steps": [3], "at": [1.0, 1.0]})
+    made = manytouch.process("sim:rest", out=folder / "rest", method="perimeter", sensor=known)
+    assert json.loads((made / "summary.json").read_text())["sensor"]["sheet"]["young_MPa"] == 1.5
     (folder / "images").mkdir()
     for frame in frames:
         cv2.imwrite(str(folder / "images" / f"{frame.index}.png"), frame.image)

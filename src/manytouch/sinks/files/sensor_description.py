@@ -97,7 +97,7 @@ def sensor_to_dict(sensor: Sensor) -> dict[str, Any]:
     rows, columns = layout.shape if layout.shape is not None else (None, None)
     unit = sensor.length_unit
     missing = np.flatnonzero(layout.is_missing)
-    return {
+    described: dict[str, Any] = {
         "name": sensor.name,
         "unit": unit,
         "rows": rows,
@@ -134,8 +134,9 @@ def sensor_to_dict(sensor: Sensor) -> dict[str, Any]:
             "pretension_N_per_mm": sheet.pretension_N_per_mm,
             "bending_factor": sheet.bending_factor,
         },
-        "provenance": plain_values(sensor.provenance),
+        "provenance": sensor.provenance,
     }
+    return {key: plain_values(value) for key, value in described.items()}
 
 
 def plain_values(value: object) -> Any:

@@ -2,6 +2,7 @@
 
 import os
 import tomllib
+from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -32,7 +33,7 @@ def save_sensor(sensor: Sensor, path: str | Path) -> None:
         )
     path = Path(path)
     document = tomlkit.document()
-    document.update(_tables(sensor))
+    document.update(_plain(_tables(sensor)))
     try:
         SensorFile.model_validate(tomllib.loads(tomlkit.dumps(document)))
     except ValidationError as error:
@@ -66,6 +67,15 @@ def _tables(sensor: Sensor) -> dict[str, Any]:
     if sensor.provenance:
         tables["provenance"] = dict(sensor.provenance)
     return tables
+
+
+def _plain(value: Any) -> Any:
+    """Tables and lists with numbers of Python, which TOML requires, instead of those of numpy."""
+    if isinstance(value, Mapping):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_plain(each) for each in value]
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
 
 
 def _camera_table(camera: Camera, has_pose: bool) -> dict[str, Any]:
