@@ -42,7 +42,8 @@ _STILL = (
 _STILL_SHARE = 0.8  # of the first frames of a live source
 _SHOWN = 0.5  # of the markers, in a picture of the same sensor
 _RIVAL = 0.15  # of the score of the most common arrangement
-_CLEAR = 0.2  # skewness of the spread from which on one arrangement is known to be pressed
+_FEWEST_STILL = 3  # frames of such a rival; a slow press is still for two
+_CLEAR = 0.25  # skewness of the spread from which on one arrangement is known to be pressed
 _EVEN = 0.5  # of the score of the chosen arrangement: another one of it that cannot be excluded causes doubt
 
 
@@ -234,6 +235,8 @@ def _least_pressed(
     for rival in found[1:]:
         if rival.score < _RIVAL * found[0].score:
             break
+        if len(rival.frames) < _FEWEST_STILL:
+            continue
         spread = compare.spread(best.position_px, rival.position_px)
         if spread < -_CLEAR:
             best, doubt = rival, None

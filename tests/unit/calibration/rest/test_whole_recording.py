@@ -80,6 +80,13 @@ def test_what_a_soft_sheet_keeps_of_a_press_does_not_change_the_rest_at_the_star
     assert found.doubt is None
 
 
+def test_a_moment_of_a_slow_press_is_no_rest() -> None:
+    """In three frames the markers of one place have contracted, as under a finger that drags them."""
+    found = settled([(FREE, 6), (-0.5 * GRIP, 3), (0.1 * GRIP, 14)], FREE)
+    assert error_px(found.sensor) < 4.0 * NOISE_PX
+    assert found.doubt is None
+
+
 def test_a_sheet_that_never_rests_makes_the_rest_doubtful() -> None:
     found = settled([(share * GRIP, 1) for share in np.linspace(0.0, 6.0, 60)], FREE)
     assert found.doubt is RestDoubt.NEVER_STILL
