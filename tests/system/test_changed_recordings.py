@@ -1,0 +1,75 @@
+"""Recordings of other people's sensors, turned, with other light or begun later: results change little."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import manytouch
+from results import Tracks, rows_of
+
+Change = Callable[[np.ndarray], np.ndarray]
+
+
+def grey(image: np.ndarray) -> np.ndarray:
+    return np.asarray(cv2.cvtColor(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2BGR))
+
+
+def brighter(image: np.ndarray) -> np.ndarray:
+    return np.asarray((255.0 * (image / 255.0) ** 0.7).round().astype(np.uint8))
+
+
+def changed(path: Path, folder: Path, change: Change, begin: int = 0) -> Path:
+    """The results of a recording from a frame on, each picture being changed; stored without loss."""
+    capture, out = cv2.VideoCapture(str(path)), folder / "changed.avi"
+    writer, index = None, -1
+    while (image := capture.read()[1]) is not None:
+        index += 1
+        if index < begin:
+            continue
+        picture = np.ascontiguousarray(change(image))
+        if writer is None:
+            size = picture.shape[1], picture.shape[0]
+            writer = cv2.VideoWriter(str(out), cv2.VideoWriter_fourcc(*"FFV1"), 30.0, size)
+        writer.write(picture)
+    assert writer is not None
+    writer.release()
+    return manytouch.process(out, out=folder / "results")
+
+
+def is_touched(folder: Path) -> np.ndarray:
+    """(f,) whether something touches in each frame."""
+    found = np.zeros(len(rows_of(folder / "frames.csv")), dtype=bool)
+    found[[int(row["frame"]) for row in rows_of(folder / "contacts.csv") if row["phase"] != "end"]] = True
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("change", [np.rot90, grey, np.invert], ids=["turned", "grey", "inverted"])
+def test_two_fingers_on_a_white_sheet(recordings: Path, tmp_path: Path, change: Change) -> None:
+    path = recordings / "worachit" / "marker_stable_2mm_2.mp4"
+    expected = is_touched(manytouch.process(path, out=tmp_path))
+    assert np.mean(is_touched(changed(path, tmp_path, change)) == expected) > 0.97
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("change", [np.fliplr, brighter], ids=["mirrored", "brighter"])
+def test_a_faint_touch_that_is_held(recordings: Path, tmp_path: Path, change: Change) -> None:
+    """Frames 0 to 4 and 13 to 88 are touched, by eye."""
+    found = is_touched(changed(recordings / "gelsight_mini_grip" / "ball7.avi", tmp_path, change))
+    assert found[20:88].all()
+    assert not found[89:].any()
+    assert not found[6:13].any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("begin", [150, 300, 520])
+def test_a_transparent_skin_from_any_frame_on(recordings: Path, tmp_path: Path, begin: int) -> None:
+    path = recordings / "fingervision" / "cam1_0002_first900.mp4"
+    folder = changed(path, tmp_path, np.asarray, begin)
+    assert is_touched(folder).mean() <= 0.02
+    tracks = Tracks.read(folder)
+    assert 23 <= tracks.is_seen.shape[1] <= 26
+    assert tracks.is_seen.mean() >= 0.97
