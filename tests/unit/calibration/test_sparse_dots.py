@@ -44,10 +44,12 @@ def test_dots_before_a_moving_scene_are_found_and_followed() -> None:
     assert sum(bool(reading.contacts.touching) for reading in readings) <= 0.02 * len(readings)
 
 
-@pytest.mark.parametrize("things", [0, 4, 5])
-def test_what_looks_like_a_dot_at_the_start_and_moves_later_is_no_marker(things: int) -> None:
+@pytest.mark.parametrize(("things", "is_live"), [(0, False), (4, False), (5, False), (2, True)])
+def test_what_looks_like_a_dot_and_is_not_on_the_lattice_is_no_marker(things: int, is_live: bool) -> None:
+    """It moves later, which a live source does not show at its start."""
     frames = [picture(frame, things=things) for frame in range(240)]
-    sensor = sensor_from_rest(frames[:15], name="skin", spread=lambda: frames[::15])
+    spread = None if is_live else (lambda: frames[::15])
+    sensor = sensor_from_rest(frames[:15], name="skin", spread=spread)
     layout = sensor.layout
     assert layout is not None
     assert layout.rest_px is not None

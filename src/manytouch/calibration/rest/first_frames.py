@@ -23,6 +23,8 @@ IN_FRONT_OF_A_SCENE = (
 _LEAST_DOTS = 4
 _REGULAR, _FEW = 0.8, 60
 """A pattern of fewer dots with a smaller regular share may contain things behind a transparent skin."""
+_FEWEST_PICTURES = 8
+"""Fewer do not show what lasts."""
 _DISTANT_PX = 1e6
 """Focal length and distance of the camera of a provisional sensor, whose unit of length is one pixel."""
 _SMALL_SHARE = 0.6
@@ -65,7 +67,7 @@ def find_rest_dots(
         frames: the first ones.
         roi_px: x, y, width, height of the region of interest.
         read_spread_frames: reads frames that are spread over the whole recording; called only if no regular
-            pattern is found in the first frames. None: only those are used, if they show no pattern at all.
+            pattern is found in the first frames. None: only those are used.
 
     Returns:
         The appearance, the dots, and warnings: `IN_FRONT_OF_A_SCENE` if the dots are those that stay in place
@@ -77,16 +79,17 @@ def find_rest_dots(
     from manytouch.detection import survey
 
     few = frames[:MOST_FRAMES]
+    read_pictures = read_spread_frames or (lambda: few)
     try:
         surveyed = survey(few, roi_px=roi_px)
     except LayoutError:
-        found = find_sparse_dots(few if read_spread_frames is None else read_spread_frames(), roi_px)
+        found = find_sparse_dots(read_pictures(), roi_px)
         if found is None:
             raise
         return _sparse_appearance(*found), found[1], (IN_FRONT_OF_A_SCENE,)
     count = len(surveyed.detections.centre_px)
-    if read_spread_frames is not None and count < _FEW and surveyed.regular < _REGULAR:
-        found = find_sparse_dots(read_spread_frames(), roi_px)
+    if len(few) >= _FEWEST_PICTURES and count < _FEW and surveyed.regular < _REGULAR:
+        found = find_sparse_dots(read_pictures(), roi_px)
         if found is not None and 2 * len(found[1].centre_px) > count:
             return _sparse_appearance(*found), found[1], (IN_FRONT_OF_A_SCENE,)
     surveyed_dots = merge_rest_dots([surveyed.detections])
