@@ -98,7 +98,7 @@ def pad_shape(model: BondedPadModel, fit: PadFit) -> PadShape:
     nodal_mm2 = fit.nodal_mm2(model)
     node = np.flatnonzero(nodal_mm2.any(axis=1))
     linear_mm = forced(nodal_mm2, model.face)
-    by_parameter = model.depth_by_parameter[:, :, node] @ nodal_mm2[node, 2]
+    by_parameter = nodal_mm2[node, 2] @ model.depth_by_parameter[:, node]  # symmetric
     linear_mm[:, 2] += fit.sheet[: len(by_parameter)] @ by_parameter
     coefficient_mm = linear_mm.copy()
     coefficient_mm[:, 2] = -large_strain(-coefficient_mm[:, 2], model.thickness_mm)
@@ -309,7 +309,7 @@ def _depth(
     slope = np.zeros((len(ESTIMATES), PARAMETER_COUNT + len(fit.sheet)))
     step = np.full(PARAMETER_COUNT, _STEP_MM)
     step[SHAPE:] = 1e-3 * max(abs(float(parameters[FORCE])), 1e-9)
-    fill_effects(parameters, profile, step, model.grid, effect, slope[_DEPTH, :PARAMETER_COUNT])
+    fill_effects(parameters, profile, model.grid, effect, slope[_DEPTH, :PARAMETER_COUNT])
     slope[_DEPTH, FORCE] -= linear_mm / press_mm2 if is_face else 0.0
     linear_mm += (plain_mm := _unresolved_depth(model, parameters, profile) if deepest == 0 else 0.0)
     depth_mm = float(large_strain(np.array([linear_mm]), model.thickness_mm)[0])

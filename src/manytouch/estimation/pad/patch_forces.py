@@ -5,17 +5,23 @@
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from manytouch.compilation import REORDER, kernel, no_type_check
+from manytouch.compilation import REORDER, kernel, no_type_check, u64
 from manytouch.estimation.pad.patch_kernels import (
+    CENTRE_X,
+    CENTRE_Y,
     DENSE_POINTS,
     DENSEST_POINTS,
     POINTS,
+    ROOT_XX,
+    ROOT_YX,
+    ROOT_YY,
     SHAPE,
     PadGrid,
     add_pressure,
     cubic,
     density,
     moment_trace,
+    radial_arm_slopes,
     radial_arms,
 )
 
@@ -96,31 +102,128 @@ def pressing_work(
 
 @kernel()
 @no_type_check
+def _add_four(
+    row: Float64[np.ndarray, " n"], at: int, factor: float, a: float, b: float, c: float, d: float
+) -> None:
+    row[at] += factor * a
+    row[at + u64(1)] += factor * b
+    row[at + u64(2)] += factor * c
+    row[at + u64(3)] += factor * d
+
+
+@kernel()
+@no_type_check
+def _add_load_slopes(
+    parameters: Float64[np.ndarray, "10"],
+    unit: Float64[np.ndarray, "3 nx ny"],
+    slope: Float64[np.ndarray, "10 3 nx ny"],
+) -> None:
+    """The part of `fill_force_slopes` by what the loads do at points that stay, from `add_pressure`."""
+    press, _, _, turn, arm_xx, arm_yx, arm_yy = load_of(parameters)
+    xx, yx, yy = parameters[ROOT_XX], parameters[ROOT_YX], parameters[ROOT_YY]
+    arm_slope = np.empty((3, 3))
+    radial_arm_slopes(parameters, arm_slope)
+    per_trace, (unit_xx, unit_yx, unit_yy) = 1.0 / moment_trace(parameters), radial_arms(parameters)
+    radial = press * parameters[RADIAL_SHEAR]
+    for m in range(slope.shape[2]):
+        for n in range(slope.shape[3]):
+            even, by_x, by_y = unit[0, m, n], unit[1, m, n], unit[2, m, n]
+            if even == 0.0:
+                continue
+            of_x = by_x / xx
+            of_y = (by_y - yx * of_x) / yy
+            slope[ROOT_XX, 0, m, n] += arm_xx * of_x
+            slope[ROOT_XX, 1, m, n] += (arm_yx + turn) * of_x
+            slope[ROOT_YX, 0, m, n] += (arm_yx - turn) * of_x
+            slope[ROOT_YX, 1, m, n] += arm_yy * of_x
+            slope[ROOT_YY, 0, m, n] += (arm_yx - turn) * of_y
+            slope[ROOT_YY, 1, m, n] += arm_yy * of_y
+            for k in range(3):
+                turned = -2.0 * parameters[ROOT_XX + k] * per_trace * turn
+                by_xx, by_yx, by_yy = (
+                    radial * arm_slope[k, 0],
+                    radial * arm_slope[k, 1],
+                    radial * arm_slope[k, 2],
+                )
+                slope[ROOT_XX + k, 0, m, n] += by_xx * by_x + (by_yx - turned) * by_y
+                slope[ROOT_XX + k, 1, m, n] += (by_yx + turned) * by_x + by_yy * by_y
+            slope[FORCE, 2, m, n] = -even
+            slope[SHEAR_X, 0, m, n] = slope[SHEAR_Y, 1, m, n] = even
+            slope[TORQUE, 0, m, n], slope[TORQUE, 1, m, n] = -per_trace * by_y, per_trace * by_x
+            slope[RADIAL_SHEAR, 0, m, n] = unit_xx * by_x + unit_yx * by_y
+            slope[RADIAL_SHEAR, 1, m, n] = unit_yx * by_x + unit_yy * by_y
+
+
+@kernel()
+@no_type_check
+def fill_force_slopes(
+    parameters: Float64[np.ndarray, "10"],
+    profile: int,
+    grid: PadGrid,
+    slope: Float64[np.ndarray, "10 3 nx ny"],
+) -> None:
+    """Slopes of the nodal forces over E of a contact by its shape, then its nodal forces by unit loads.
+
+    The last of them is for unit radial shear as a force. A point moves with the centre, and by its own place
+    on the unit disc with a root; what the distributions of `add_pressure` gain by this is added up first.
+    """
+    level = density(parameters, grid)
+    points = (DENSEST_POINTS if level == 2 else DENSE_POINTS if level == 1 else POINTS)[profile]
+    press, shear_x, shear_y, turn, arm_xx, arm_yx, arm_yy = load_of(parameters)
+    xx, yx, yy = parameters[ROOT_XX], parameters[ROOT_YX], parameters[ROOT_YY]
+    along_x, along_y, slope_x, slope_y = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
+    unit = np.zeros((3, slope.shape[2], slope.shape[3]))
+    slope[:] = 0.0
+    for k in range(len(points)):
+        x, y, weight = points[k, 0], points[k, 1], points[k, 2]
+        ax, ay = xx * x, yx * x + yy * y
+        place_x = (parameters[CENTRE_X] + ax - grid.corner_x) / grid.step_x
+        place_y = (parameters[CENTRE_Y] + ay - grid.corner_y) / grid.step_y
+        first_x = cubic(place_x, grid.count_x, along_x, slope_x)
+        first_y = cubic(place_y, grid.count_y, along_y, slope_y)
+        tx = weight * (shear_x + arm_xx * ax + (arm_yx - turn) * ay)
+        ty = weight * (shear_y + (arm_yx + turn) * ax + arm_yy * ay)
+        tz = -weight * press
+        y0, y1, y2, y3 = along_y[0], along_y[1], along_y[2], along_y[3]
+        g0, g1, g2, g3 = slope_y[0], slope_y[1], slope_y[2], slope_y[3]
+        n = u64(first_y)
+        for i in range(4):
+            m, even, steep = first_x + i, along_x[i], slope_x[i] / grid.step_x
+            _add_four(unit[0, m], n, weight * even, y0, y1, y2, y3)
+            _add_four(unit[1, m], n, weight * even * ax, y0, y1, y2, y3)
+            _add_four(unit[2, m], n, weight * even * ay, y0, y1, y2, y3)
+            for axis in range(3):
+                force = tx if axis == 0 else ty if axis == 1 else tz
+                by_x, by_y = force * steep, force * even / grid.step_y
+                _add_four(slope[CENTRE_X, axis, m], n, by_x, y0, y1, y2, y3)
+                _add_four(slope[CENTRE_Y, axis, m], n, by_y, g0, g1, g2, g3)
+                _add_four(slope[ROOT_XX, axis, m], n, x * by_x, y0, y1, y2, y3)
+                _add_four(slope[ROOT_YX, axis, m], n, x * by_y, g0, g1, g2, g3)
+                _add_four(slope[ROOT_YY, axis, m], n, y * by_y, g0, g1, g2, g3)
+    _add_load_slopes(parameters, unit, slope)
+
+
+@kernel()
+@no_type_check
 def fill_effects(
     parameters: Float64[np.ndarray, "10"],
     profile: int,
-    step: Float64[np.ndarray, "10"],
     grid: PadGrid,
     effect: Float64[np.ndarray, "nx ny 3"],
     slope: Float64[np.ndarray, "10"],
 ) -> None:
-    """Slopes, over steps of each parameter of a contact, of its nodal forces times their effects, summed."""
-    shape = (3, effect.shape[0], effect.shape[1])
-    spread, nodal, moved = np.empty(shape), np.zeros(shape), parameters.copy()
-    level = density(parameters, grid)
-    add_tractions(parameters, profile, grid, level, spread, nodal)
-    change = np.empty(shape)
+    """Slopes, by each parameter of a contact, of its nodal forces times their effects, summed."""
+    force = np.empty((PARAMETER_COUNT, 3, effect.shape[0], effect.shape[1]))
+    fill_force_slopes(parameters, profile, grid, force)
     for parameter in range(PARAMETER_COUNT):
-        moved[parameter] = parameters[parameter] + step[parameter]
-        change[:] = -nodal
-        add_tractions(moved, profile, grid, level, spread, change)
         total = 0.0
-        for i in range(shape[1]):
-            for j in range(shape[2]):
-                for axis in range(3):
-                    total += change[axis, i, j] * effect[i, j, axis]
-        slope[parameter] = total / step[parameter]
-        moved[parameter] = parameters[parameter]
+        for axis in range(3):
+            for i in range(effect.shape[0]):
+                for j in range(effect.shape[1]):
+                    total += force[parameter, axis, i, j] * effect[i, j, axis]
+        slope[parameter] = total
+    slope[FORCE] += parameters[RADIAL_SHEAR] * slope[RADIAL_SHEAR]
+    slope[RADIAL_SHEAR] *= parameters[FORCE]
 
 
 @kernel()
@@ -132,10 +235,10 @@ def fill_basis(
     value: Float64[np.ndarray, "k 4 4"],
 ) -> None:
     """First nodes along x and y and the values of the B-splines there, for places on the pad."""
-    along_x, along_y = np.empty(4), np.empty(4)
+    along_x, along_y, unused = np.empty(4), np.empty(4), np.empty(4)
     for k in range(len(place_mm)):
-        node[k, 0] = cubic((place_mm[k, 0] - grid.corner_x) / grid.step_x, grid.count_x, along_x)
-        node[k, 1] = cubic((place_mm[k, 1] - grid.corner_y) / grid.step_y, grid.count_y, along_y)
+        node[k, 0] = cubic((place_mm[k, 0] - grid.corner_x) / grid.step_x, grid.count_x, along_x, unused)
+        node[k, 1] = cubic((place_mm[k, 1] - grid.corner_y) / grid.step_y, grid.count_y, along_y, unused)
         for i in range(4):
             for j in range(4):
                 value[k, i, j] = along_x[i] * along_y[j]

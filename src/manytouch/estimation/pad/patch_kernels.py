@@ -183,20 +183,34 @@ def radial_arm_slopes(shape: Float64[np.ndarray, " k"], slope: Float64[np.ndarra
 
 @kernel()
 @no_type_check
-def cubic(place: float, count: int, value: Float64[np.ndarray, "4"]) -> int:
-    """The four cubic B-splines at a place in elements, into `value`; returns the number of the first."""
-    place = min(max(place, 0.0), float(count))
-    span = min(int(place), count - 1)
+def cubic(place: float, count: int, value: Float64[np.ndarray, "4"], slope: Float64[np.ndarray, "4"]) -> int:
+    """The four cubic B-splines at a place in elements, and their slopes; returns the number of the first.
+
+    Beyond the ends the splines are those of the end, with slopes of 0.
+    """
+    inside = min(max(place, 0.0), float(count))
+    span = min(int(inside), count - 1)
+    if 2 <= span <= count - 3:  # all knots around are one element apart
+        t = inside - span
+        r = 1.0 - t
+        value[0], slope[0] = r * r * r / 6.0, -0.5 * r * r
+        value[1], slope[1] = 2.0 / 3.0 + t * t * (0.5 * t - 1.0), t * (1.5 * t - 2.0)
+        value[2], slope[2] = 2.0 / 3.0 + r * r * (0.5 * r - 1.0), r * (2.0 - 1.5 * r)
+        value[3], slope[3] = t * t * t / 6.0, 0.5 * t * t
+        return span
     value[0] = 1.0
     for degree in range(1, 4):
-        saved = 0.0
+        saved = before = 0.0
         for k in range(degree):
             right = min(float(span + k + 1), float(count))
             left = max(float(span + 1 - degree + k), 0.0)
             part = value[k] / (right - left)
-            value[k] = saved + (right - place) * part
-            saved = (place - left) * part
-        value[degree] = saved
+            value[k] = saved + (right - inside) * part
+            saved = (inside - left) * part
+            slope[k], before = 3.0 * (before - part), part
+        value[degree], slope[degree] = saved, 3.0 * before
+    if inside != place:
+        slope[:] = 0.0
     return span
 
 
@@ -216,12 +230,14 @@ def add_pressure(
         points: (q, 3) quadrature with unit second moments: x, y, weight.
         nodal: result; for each of the distributions of `DISTRIBUTION_COUNT`, on the B-splines along x and y.
     """
-    along_x, along_y = np.empty(4), np.empty(4)
+    along_x, along_y, unused = np.empty(4), np.empty(4), np.empty(4)
     for k in range(len(points)):
         away_x = shape[ROOT_XX] * points[k, 0]
         away_y = shape[ROOT_YX] * points[k, 0] + shape[ROOT_YY] * points[k, 1]
-        first_x = cubic((shape[CENTRE_X] + away_x - grid.corner_x) / grid.step_x, grid.count_x, along_x)
-        first_y = cubic((shape[CENTRE_Y] + away_y - grid.corner_y) / grid.step_y, grid.count_y, along_y)
+        place_x = (shape[CENTRE_X] + away_x - grid.corner_x) / grid.step_x
+        place_y = (shape[CENTRE_Y] + away_y - grid.corner_y) / grid.step_y
+        first_x = cubic(place_x, grid.count_x, along_x, unused)
+        first_y = cubic(place_y, grid.count_y, along_y, unused)
         for i in range(4):
             for j in range(4):
                 part = points[k, 2] * along_x[i] * along_y[j]

@@ -14,11 +14,10 @@ from manytouch.estimation.pad.patch_forces import (
     FORCE,
     PARAMETER_COUNT,
     RADIAL_SHEAR,
-    SHEAR_X,
-    SHEAR_Y,
     TORQUE,
     add_scaled,
     add_tractions,
+    fill_force_slopes,
     image_load_of,
 )
 from manytouch.estimation.pad.patch_kernels import (
@@ -29,7 +28,6 @@ from manytouch.estimation.pad.patch_kernels import (
     ROOT_XX,
     ROOT_YX,
     ROOT_YY,
-    SHAPE,
     LayerTable,
     Markers,
     PadGrid,
@@ -42,7 +40,6 @@ from manytouch.estimation.pad.patch_kernels import (
 
 _FAR_ROOTS = 4.0  # distance from the centre of a patch, in its largest roots, from which on a marker is far
 _EXTENT = 2.4  # of the points, in the same
-_STEP_MM = 1e-3  # of the shape, in differences of nodal forces
 _ROOT_STEP = 1e-6  # relative, in differences of the spread of points
 
 
@@ -358,27 +355,8 @@ def _add_sides(
     parameters: Float64[np.ndarray, "10"], profile: int, pad: PatchPad, slope: Float64[np.ndarray, "10 r"]
 ) -> None:
     """The part of the free sides in `fill_slopes`."""
-    shape = pad.by_sides.shape
-    unit, moved_unit = np.empty((3, shape[1], shape[2])), np.empty((3, shape[1], shape[2]))
-    plain = np.zeros((3, shape[1], shape[2]))
-    force = np.zeros((PARAMETER_COUNT, 3, shape[1], shape[2]))
-    moved = parameters.copy()
-    level = density(parameters, pad.grid)
-    add_tractions(parameters, profile, pad.grid, level, unit, plain)
-    for parameter in range(SHAPE):
-        moved[parameter] = parameters[parameter] + _STEP_MM
-        add_tractions(moved, profile, pad.grid, level, moved_unit, force[parameter])
-        force[parameter] -= plain
-        force[parameter] /= _STEP_MM
-        moved[parameter] = parameters[parameter]
-    scale_turn, (unit_xx, unit_yx, unit_yy) = 1.0 / moment_trace(parameters), radial_arms(parameters)
-    force[FORCE, 2] -= unit[0]
-    force[SHEAR_X, 0] += unit[0]
-    force[SHEAR_Y, 1] += unit[0]
-    force[TORQUE, 0] -= scale_turn * unit[2]
-    force[TORQUE, 1] += scale_turn * unit[1]
-    force[RADIAL_SHEAR, 0] += unit_xx * unit[1] + unit_yx * unit[2]
-    force[RADIAL_SHEAR, 1] += unit_yx * unit[1] + unit_yy * unit[2]
+    force = np.empty((PARAMETER_COUNT, 3, pad.by_sides.shape[1], pad.by_sides.shape[2]))
+    fill_force_slopes(parameters, profile, pad.grid, force)
     low_x, high_x, low_y, high_y = _window(pad.grid, parameters)
     for axis in range(3):
         for i in range(low_x, high_x):

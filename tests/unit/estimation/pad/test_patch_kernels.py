@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.interpolate import BSpline
 from scipy.ndimage import maximum_filter
 from scipy.special import beta, gamma, j0, jv
 
@@ -21,6 +22,7 @@ from manytouch.estimation.pad.patch_kernels import (
     Profile,
     add_layer_images,
     add_pressure,
+    cubic,
     radial_arm_slopes,
     radial_arms,
 )
@@ -101,6 +103,26 @@ def test_nodal_forces_are_those_of_the_patch(pad_state: PadState) -> None:
     force = weight[:, None] * np.column_stack([np.ones(len(weight)), away_mm])
     expected = model.patch.load(SHAPE[:2] + away_mm, force)
     np.testing.assert_allclose(model.by_node(np.moveaxis(nodal, 0, -1)), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [5, 6, 12])
+def test_splines_are_those_of_their_knots_and_have_their_slopes(count: int) -> None:
+    knots = np.concatenate([np.zeros(3), np.arange(count + 1.0), np.full(3, float(count))])
+    for place in np.linspace(0.01, count - 0.01, 97):
+        value, slope = np.empty(4), np.empty(4)
+        first = cubic(place, count, value, slope)
+        for k in range(4):
+            spline = BSpline(knots, np.eye(count + 3)[first + k], 3)
+            assert value[k] == pytest.approx(float(spline(place)), abs=1e-12)
+            assert slope[k] == pytest.approx(float(spline.derivative()(place)), abs=1e-11)
+
+
+def test_splines_beyond_the_ends_are_those_of_the_end() -> None:
+    for beyond, end in ((-0.3, 0.0), (8.2, 8.0)):
+        value, slope, expected = np.empty(4), np.empty(4), np.empty(4)
+        assert cubic(beyond, 8, value, slope) == cubic(end, 8, expected, np.empty(4))
+        np.testing.assert_array_equal(value, expected)
+        np.testing.assert_array_equal(slope, np.zeros(4))
 
 
 def test_nodes_are_counted_along_x_and_y_whichever_side_is_longer(pad_state: PadState) -> None:

@@ -11,9 +11,11 @@ from manytouch.estimation.pad.patch_forces import (
     PARAMETER_COUNT,
     RADIAL_SHEAR,
     add_answers,
+    add_tractions,
     fill_effects,
+    fill_force_slopes,
 )
-from manytouch.estimation.pad.patch_kernels import FAR_POINTS, POINTS, Profile
+from manytouch.estimation.pad.patch_kernels import FAR_POINTS, POINTS, Profile, density
 from manytouch.estimation.pad.patch_slopes import PatchPad, add_image, fill_slopes
 from manytouch.estimation.pad.patch_steps import prior_terms
 
@@ -89,11 +91,35 @@ def test_responses_are_sums_over_nodes(pad_state: PadState) -> None:
     np.testing.assert_allclose(found, np.tensordot(nodal_mm2, model.marker, axes=2), atol=1e-12)
 
 
+@pytest.mark.parametrize("profile", Profile)
+@pytest.mark.parametrize(
+    "shape", [(2.1, -1.0, 0.6, 0.2, 0.5), (2.1, -1.0, 2.1, 0.4, 1.9), (9.0, -7.0, 4.5, 0, 4)]
+)
+def test_slopes_of_nodal_forces_are_those_of_differences(
+    pad_state: PadState, profile: Profile, shape: tuple[float, ...]
+) -> None:
+    """With few, more and most points; the last contact reaches beyond two sides of the pad."""
+    grid, contact = pad_state.model.grid, np.array([*shape, *CONTACT[5:]])
+    level = density(contact, grid)
+    size = (grid.count_x + 3, grid.count_y + 3)
+    slope = np.empty((PARAMETER_COUNT, 3, *size))
+    fill_force_slopes(contact, int(profile), grid, slope)
+    slope[FORCE] += contact[RADIAL_SHEAR] * slope[RADIAL_SHEAR]
+    slope[RADIAL_SHEAR] *= contact[FORCE]
+    for parameter in range(PARAMETER_COUNT):
+        step = 1e-5 * np.eye(PARAMETER_COUNT)[parameter]
+        moved = np.zeros((2, 3, *size))
+        for sign, nodal in zip((1.0, -1.0), moved, strict=True):
+            add_tractions(contact + sign * step, int(profile), grid, level, np.empty((3, *size)), nodal)
+        expected = (moved[0] - moved[1]) / 2e-5
+        np.testing.assert_allclose(slope[parameter], expected, atol=1e-4 * np.abs(expected).max())
+
+
 def test_effects_of_unit_weight_are_the_loads(pad_state: PadState) -> None:
     """With effects of 1 along one axis, the sum is the force along it: its slopes are those of the loads."""
     grid = pad_state.model.grid
     effect = np.zeros((grid.count_x + 3, grid.count_y + 3, 3))
     effect[:, :, 2] = 1.0
     slope = np.empty(PARAMETER_COUNT)
-    fill_effects(CONTACT, int(Profile.DOME), np.full(PARAMETER_COUNT, 1e-3), grid, effect, slope)
+    fill_effects(CONTACT, int(Profile.DOME), grid, effect, slope)
     np.testing.assert_allclose(slope, -np.eye(PARAMETER_COUNT)[FORCE], atol=1e-9)
