@@ -18,6 +18,7 @@ from manytouch.estimation.pad.patch_forces import (
     FORCE,
     LOAD_COUNT,
     PARAMETER_COUNT,
+    RADIAL_SHEAR,
     add_answers,
     add_tractions,
 )
@@ -126,6 +127,17 @@ def tractions(model: BondedPadModel, patches: Patches) -> Float64[np.ndarray, "n
     return np.moveaxis(nodal, 0, -1)
 
 
+def nodal_of(model: BondedPadModel, fit: PadFit, press_mm2: Scalars) -> Nodal:
+    """(n, 3) nodal forces over E of the contacts of a fit, with other normal forces (c,) over E."""
+    parameters = fit.patches.parameters.copy()
+    parameters[:, FORCE] = press_mm2
+    # the radial shear is over the normal force
+    parameters[:, RADIAL_SHEAR] *= np.divide(
+        fit.force_mm2, press_mm2, where=press_mm2 != 0.0, out=np.ones(len(parameters))
+    )
+    return model.by_node(tractions(model, Patches(parameters=parameters, profile=fit.patches.profile)))
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PatchFitter:
     """Fits patches to marker images.
@@ -159,6 +171,7 @@ class PatchFitter:
         is_sheet_known: bool = False,
         with_covariance: bool = True,
         is_rough: bool = False,
+        needed: float = np.inf,
     ) -> PadFit:
         """The patches that explain the images best, from guesses.
 
@@ -170,6 +183,8 @@ class PatchFitter:
             is_sheet_known: keep the parameters of the pad.
             with_covariance: False leaves the covariances empty.
             is_rough: whether another fit follows.
+            needed: misfit above which the result is not used; it is then that of an unfinished fit. Without
+                covariances only.
         """
         count, parameters, rows = len(patches), len(model.by_parameter), len(measured_px)
         sheet = np.zeros((0, parameters, LOAD_COUNT, rows))
@@ -201,7 +216,7 @@ class PatchFitter:
                 common=common,
                 measured=Measured(np.ascontiguousarray(measured_px), np.ascontiguousarray(weight)),
             ),
-            self._limits(model, self.rough_gain if is_rough else self.least_gain),
+            self._limits(model, self.rough_gain if is_rough else self.least_gain, needed),
             work,
             with_covariance,
         )
@@ -266,7 +281,7 @@ class PatchFitter:
         sheet[_FITTED:] = _KEPT_STD
         return np.array([self.shift_px, self.shift_px, self.growth, self.turn_rad, *sheet])
 
-    def _limits(self, model: BondedPadModel, least_gain: float) -> Limits:
+    def _limits(self, model: BondedPadModel, least_gain: float, needed: float) -> Limits:
         """How far contacts may go, and when an iteration ends."""
         wide_mm, high_mm = model.patch.size_mm
         return Limits(
@@ -278,6 +293,7 @@ class PatchFitter:
             step_mm=0.7 * model.thickness_mm,
             max_steps=self.max_steps,
             least_gain=least_gain,
+            needed=needed,
         )
 
 

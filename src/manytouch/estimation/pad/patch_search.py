@@ -182,28 +182,40 @@ class ProfileChoice:
                 displacements of the markers.
         """
 
-        def fitted(patches: Patches) -> PadFit:
-            return fitter(model, patches, linear_px, fit.weight, is_sheet_known=True, with_covariance=False)
+        def fitted(patches: Patches, needed: float = np.inf) -> PadFit:
+            return fitter(
+                model,
+                patches,
+                linear_px,
+                fit.weight,
+                is_sheet_known=True,
+                with_covariance=False,
+                needed=needed,
+            )
 
         before = fitted(fit.patches)  # with the same parameters of the pad as what is compared
-        tried = []
+        best, best_merit = None, 0.0
+
+        def compare(patches: Patches, *, is_start: bool = False) -> PadFit:
+            """The fit of guesses; unfinished where it cannot be the best and no other one starts with it."""
+            nonlocal best, best_merit
+            more = len(patches) == len(fit.patches)
+            least_gain = self.gain * ((1 if more else -1) + _rims(patches) - _rims(fit.patches)) + best_merit
+            needed = before.misfit - least_gain if least_gain >= 0.0 and not is_start else np.inf
+            found = fitted(patches, needed)
+            merit = (before.misfit - found.misfit) / misfit_scale(found) - least_gain
+            if merit >= 0.0 if best is None else merit > 0.0:
+                best, best_merit = found, best_merit + merit
+            return found
+
         for number in self._wide(model, fit.patches):
-            tried += _with_others(fitted, before, number)
+            _try_others(compare, before, number)
         for number in self._narrow(model, fit):
-            tried.append(fitted(widened(fit.patches, number, self.wider)[Profile.DOME]))
+            compare(widened(fit.patches, number, self.wider)[Profile.DOME])
         for group in near_groups(fit.patches):
-            one = fitted(joined(fit.patches, group))
-            tried += [one, *_with_others(fitted, one, len(one.patches) - 1)]
-        if not tried:
-            return None
-        rims = _rims(fit.patches)
-        merit = [
-            (before.misfit - each.misfit) / misfit_scale(each)
-            - self.gain * ((1 if len(each.patches) == len(fit.patches) else -1) + _rims(each.patches) - rims)
-            for each in tried
-        ]
-        best = int(np.argmax(merit))
-        return tried[best] if merit[best] >= 0.0 else None
+            one = compare(joined(fit.patches, group), is_start=True)
+            _try_others(compare, one, len(one.patches) - 1)
+        return best
 
     def _wide(self, model: BondedPadModel, patches: Patches) -> list[int]:
         """Numbers of the patches that are wide enough for other profiles."""
@@ -227,15 +239,14 @@ def _root_mm(patches: Patches) -> Scalars:
     return np.asarray(np.sqrt(np.abs(patches.parameters[:, ROOT_XX] * patches.parameters[:, ROOT_YY])))
 
 
-def _with_others(fitted: Callable[[Patches], PadFit], fit: PadFit, number: int) -> list[PadFit]:
-    """The fits with each other profile of a patch, each from that with the next profile to it.
+def _try_others(compare: Callable[..., PadFit], fit: PadFit, number: int) -> None:
+    """Compare the fits with each other profile of a patch, each from that with the next profile to it.
 
     From a profile that is less alike, a fit may end at a worse minimum.
     """
-    now, found = int(fit.patches.profile[number]), []
+    now = int(fit.patches.profile[number])
     for profiles in (tuple(Profile)[now + 1 :], tuple(Profile)[:now][::-1]):
         start = fit.patches
         for profile in profiles:
-            found.append(fitted(start.with_profile(number, profile)))
-            start = found[-1].patches
-    return found
+            found = compare(start.with_profile(number, profile), is_start=profile is not profiles[-1])
+            start = found.patches

@@ -107,3 +107,46 @@ def test_the_fit_is_the_least_squares_of_scipy(pad_state: PadState, seed: int) -
     assert found.misfit == pytest.approx(2.0 * best.cost, rel=1e-4)
     deviations = np.sqrt(np.diag(found.covariance))[: PARAMETER_COUNT + MOTIONS]
     assert (np.abs(theta - best.x) < 0.1 * deviations).all()
+
+
+def images_of(state: PadState) -> tuple[np.ndarray, np.ndarray]:
+    """(2 m,) images of a contact with their errors, and their weights."""
+    model = state.model
+    measured_px = np.zeros(2 * len(model.rest_px))
+    pad = PatchPad(model.grid, model.table, model.markers, model.by_sides)
+    add_image(TRUE, int(Profile.DOME), pad, measured_px)
+    measured_px += np.random.default_rng(0).normal(0.0, 0.02, len(measured_px))
+    return measured_px, np.full(len(measured_px), 0.02**-2)
+
+
+def guess(factor: float) -> Patches:
+    return Patches(parameters=factor * TRUE[None], profile=np.zeros(1, dtype=np.int64))
+
+
+def test_covariances_are_those_of_the_result(pad_state: PadState) -> None:
+    """A further fit, which begins where the first one ended, has the same."""
+    images = images_of(pad_state)
+    first = FITTER(pad_state.model, guess(1.15), *images, is_sheet_known=True)
+    again = FITTER(pad_state.model, first.patches, *images, is_sheet_known=True)
+    np.testing.assert_allclose(
+        np.sqrt(np.diag(again.covariance)), np.sqrt(np.diag(first.covariance)), rtol=1e-4
+    )
+
+
+def test_a_fit_ends_early_only_where_it_cannot_reach_the_misfit_that_is_needed(pad_state: PadState) -> None:
+    images = images_of(pad_state)
+
+    def misfit(needed: float) -> float:
+        found = FITTER(
+            pad_state.model,
+            guess(1.3),
+            *images,
+            is_sheet_known=True,
+            with_covariance=False,
+            needed=needed,
+        )
+        return found.misfit
+
+    least = misfit(np.inf)
+    assert misfit(1.001 * least) == least
+    assert misfit(0.5 * least) > least
