@@ -19,8 +19,7 @@ from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.pad.image_error import ImageError, MeasuredImages
 from manytouch.estimation.pad.pad_contacts import PadContacts, PadShape, pad_shape
 from manytouch.estimation.pad.pad_model import MIN_MARKERS, BondedPadModel, NominalPad
-from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter, misfit_scale, tractions
-from manytouch.estimation.pad.patch_forces import FORCE, RADIAL_SHEAR
+from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter, misfit_scale, nodal_of
 from manytouch.estimation.pad.patch_kernels import Profile
 from manytouch.estimation.pad.patch_search import PatchCandidates, PatchSearch, ProfileChoice
 from manytouch.estimation.pad.patches import (
@@ -35,7 +34,6 @@ from manytouch.estimation.reference_drift import ReferenceDrift
 from manytouch.estimation.slip_detector import SlipDetector, SlipState
 from manytouch.geometry.neighbours import Neighbours, nearest_neighbours
 from manytouch.geometry.refraction import rest_px
-from manytouch.geometry.spline.patch import Nodal
 from manytouch.medians import median
 from manytouch.values import Contact, Contacts, Sensor, Status, Surface, TrackedGrid
 from manytouch.values.arrays import Points2, Points3, read_only
@@ -56,7 +54,7 @@ class PadState:
         patches: of the last frame.
         displacement_mm: (m, 3) of the markers in the last frame.
         refused_misfit: misfit of the frame in which another contact or profile was last tried in vain; 0 if
-            none was.
+            none was: in the next frame everything is tried that may explain it better.
         slip, tracks: of the contacts.
     """
 
@@ -229,34 +227,45 @@ class PadEstimator:
         return 0.0 if measured.is_touched and len(patches) == 1 else self.last_stds
 
     def _frame(self, state: PadState, measured: MeasuredImages) -> tuple[PadFit, float]:
-        """The contacts of the next frame, and `PadState.refused_misfit`."""
+        """The contacts of the next frame, and `PadState.refused_misfit`.
+
+        In a frame with a new contact, what else may be tried waits for the next one, which tries all of it.
+        The first frame does so too: it may be the only one.
+        """
         model = state.model
         fit = self._pruned(model, self._fit(model, state.patches, measured, state.displacement_mm), measured)
-        refused_misfit = state.refused_misfit
+        refused_misfit, may_wait, is_chosen = state.refused_misfit, state.refused_misfit > 0.0, False
         for _ in range(2 * self.max_contacts):  # a contact, and its profile
             if len(fit.patches) != len(state.patches):
                 refused_misfit = 0.0
             if 0.0 < fit.misfit < self.retry_misfit * refused_misfit:
                 refused_misfit = min(self.refusal_lasts * refused_misfit, fit.misfit)
                 break
-            better = self._with_profile(model, fit, measured)
+            better = None if is_chosen else self._with_profile(model, fit, measured)
+            is_chosen = better is not None and len(better.patches) == 1  # no other profile is left to try
             if better is None and len(fit.patches) < self.max_contacts:
                 better = self._longer(state, fit, measured)
             if better is None:
                 refused_misfit = fit.misfit
                 break
-            # what the first fit leaves is no sign of another contact: its weights are those before it
-            fit = self._pruned(
-                model, self._fit(model, better.patches, measured, better.marker_mm(model)), measured
-            )
+            fit = self._pruned(model, better, measured)
+            if (
+                may_wait
+                and not is_chosen
+                and not self._is_poor(fit)
+                and self.profile_choice.applies(model, fit)
+            ):
+                refused_misfit = 0.0
+                break
         return fit, refused_misfit
 
     def _with_profile(self, model: BondedPadModel, fit: PadFit, measured: MeasuredImages) -> PadFit | None:
         """The fit with another profile or width of a contact, or near ones as one, where that is better."""
         if not self.profile_choice.applies(model, fit):
             return None
-        linear_px, _ = self._images(model, measured, fit.marker_mm(model))
-        return self.profile_choice(model, self.fitter, fit, linear_px)
+        linear_px, _ = self.image_error.images(model, measured, fit.marker_mm(model))
+        guess = self.profile_choice(model, self.fitter, fit, linear_px)
+        return None if guess is None else self._fit(model, guess.patches, measured, guess.marker_mm(model))
 
     def _longer(self, state: PadState, fit: PadFit, measured: MeasuredImages) -> PadFit | None:
         """The fit with one contact more or a wider one, where that explains the images better."""
@@ -266,11 +275,14 @@ class PadEstimator:
         if guess is not None and gain >= self.start_gain:
             guess = self.search.widened(model, self.fitter, guess, fit.residual_px, fit.weight)
             longer = self._if_better(model, fit, fit.patches.with_more(guess[None], Profile.DOME), measured)
-        is_poor = fit.misfit > self.split_misfit * float((fit.weight > 0.0).sum())
-        if not is_poor or len(fit.patches) == 0:
+        if not self._is_poor(fit) or len(fit.patches) == 0:
             return longer
         tried = [self._if_better(model, fit, each, measured) for each in halved_or_wider(fit.patches)]
         return min(filter(None, [longer, *tried]), key=self._cost, default=None)
+
+    def _is_poor(self, fit: PadFit) -> bool:
+        """Whether the images are explained badly."""
+        return fit.misfit > self.split_misfit * float((fit.weight > 0.0).sum())
 
     def _cost(self, fit: PadFit) -> float:
         """Misfit of a fit, with the least gain of each of its contacts."""
@@ -280,8 +292,13 @@ class PadEstimator:
         self, model: BondedPadModel, fit: PadFit, patches: Patches, measured: MeasuredImages
     ) -> PadFit | None:
         """The fit of guesses, unless a contact is not clear or the misfit does not fall by enough."""
-        images = self._images(model, measured, fit.marker_mm(model))
-        first = self.fitter(model, patches, *images, is_sheet_known=True, with_covariance=False)
+        images = self.image_error.images(model, measured, fit.marker_mm(model))
+        needed = fit.misfit - self.start_gain
+        first = self.fitter(
+            model, patches, *images, is_sheet_known=True, with_covariance=False, is_rough=True, needed=needed
+        )
+        if first.misfit > needed:
+            return None
         found = self._fit(model, first.patches, measured, first.marker_mm(model))
         if np.any(found.force_mm2 <= self._last_stds(patches, measured) * found.force_std_mm2):
             return None
@@ -290,8 +307,8 @@ class PadEstimator:
         unexplained = misfit_scale(found) if len(fit.patches) > 0 else 1.0
         if fit.misfit - first.misfit >= self.sure_gain * unexplained:
             return found
-        linear_px, _ = self._images(model, measured, found.marker_mm(model))
-        same = self.fitter(model, fit.patches, linear_px, found.weight)
+        linear_px, _ = self.image_error.images(model, measured, found.marker_mm(model))
+        same = self.fitter(model, fit.patches, linear_px, found.weight, with_covariance=False)
         return found if same.misfit - found.misfit >= self.start_gain * unexplained else None
 
     def _measured(self, state: PadState, grid: TrackedGrid) -> MeasuredImages:
@@ -327,12 +344,12 @@ class PadEstimator:
 
         The parameters of the pad are fitted last: before, they would explain what is wrong with the guesses.
         """
-        images = self._images(model, measured, moved_mm)
+        images = self.image_error.images(model, measured, moved_mm)
         if len(patches) > 0 and not self._is_same(model, measured, moved_mm):
             rough = self.fitter(
                 model, patches, *images, is_sheet_known=True, with_covariance=False, is_rough=True
             )
-            patches, images = rough.patches, self._images(model, measured, rough.marker_mm(model))
+            patches, images = rough.patches, self.image_error.images(model, measured, rough.marker_mm(model))
         return self.fitter(model, patches, *images)
 
     def _is_same(self, model: BondedPadModel, measured: MeasuredImages, moved_mm: Points3) -> bool:
@@ -341,16 +358,6 @@ class PadEstimator:
         change_px2 = ((measured.moved_px - linear_px) ** 2).sum(axis=1)
         most_px2 = self.same_share**2 * (linear_px**2).sum(axis=1)
         return bool(measured.gate @ change_px2 <= measured.gate @ most_px2)
-
-    def _images(
-        self, model: BondedPadModel, measured: MeasuredImages, moved_mm: Points3
-    ) -> tuple[Float64[np.ndarray, " r"], Float64[np.ndarray, " r"]]:
-        """(2 m,) displacements without what is not linear in those (m, 3) of the markers; their weights."""
-        linear_px = np.einsum("mij,mj->mi", model.slope_px, moved_mm)
-        error_px2 = self.image_error(model, measured.around, (linear_px**2).sum(axis=1))
-        curved_px = model.project(moved_mm) - model.rest_px - linear_px
-        weight = np.repeat(measured.gate / (measured.noise_px2 + error_px2), 2)
-        return (measured.moved_px - curved_px).ravel(), weight
 
     def _pruned(self, model: BondedPadModel, fit: PadFit, measured: MeasuredImages) -> PadFit:
         """The fit without contacts that are not significant, and with near ones as one if that is enough."""
@@ -366,7 +373,7 @@ class PadEstimator:
             pair = nearest_pair(fit.patches)
             if pair is None:
                 break
-            linear_px, _ = self._images(model, measured, fit.marker_mm(model))
+            linear_px, _ = self.image_error.images(model, measured, fit.marker_mm(model))
             one = self.fitter(model, joined(fit.patches, pair), linear_px, fit.weight)
             if one.misfit - fit.misfit > self.merge_gain * misfit_scale(fit):
                 break
@@ -377,22 +384,12 @@ class PadEstimator:
         self, model: BondedPadModel, fit: PadFit, found: Sequence[Contact], shape: PadShape, grid: TrackedGrid
     ) -> Surface:
         covariance_mm2 = self.pad_contacts.surface_covariance(model, fit, found, shape, grid.is_seen)
+        press_mm2 = np.array([contact.normal_force_over_E_mm2 for contact in found])
         return Surface(
             position_mm=read_only(model.layout.rest_mm + shape.face_mm),
             displacement_mm=read_only(shape.face_mm),
             covariance_mm2=read_only(covariance_mm2),
             layout=model.layout,
-            spline=model.spline(shape.coefficient_mm, _nodal_mm2(model, fit, found)),
+            spline=model.spline(shape.coefficient_mm, nodal_of(model, fit, press_mm2)),
             status=grid.status,
         )
-
-
-def _nodal_mm2(model: BondedPadModel, fit: PadFit, found: Sequence[Contact]) -> Nodal:
-    """(n, 3) nodal forces over E, whose pressures add up to the normal forces of the contacts found."""
-    parameters = fit.patches.parameters.copy()
-    parameters[:, FORCE] = [contact.normal_force_over_E_mm2 for contact in found]
-    # the radial shear is over the normal force
-    parameters[:, RADIAL_SHEAR] *= np.divide(
-        fit.force_mm2, parameters[:, FORCE], where=parameters[:, FORCE] != 0.0, out=np.ones(len(parameters))
-    )
-    return model.by_node(tractions(model, Patches(parameters=parameters, profile=fit.patches.profile)))

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.pad.pad_model import BondedPadModel
-from manytouch.values.arrays import Points2, Scalars, read_only
+from manytouch.values.arrays import Points2, Points3, Scalars, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -75,3 +75,13 @@ class ImageError:
         shared = max(1.0, (reach * model.thickness_mm / model.pitch_mm) ** 2)
         variance: Scalars = (self.std_pitch * model.pitch_px) ** 2 + share**2 * (weights @ moved_px2)
         return shared * variance
+
+    def images(
+        self, model: BondedPadModel, measured: MeasuredImages, moved_mm: Points3
+    ) -> tuple[Float64[np.ndarray, " r"], Float64[np.ndarray, " r"]]:
+        """(2 m,) displacements without what is not linear in those (m, 3) of the markers; their weights."""
+        linear_px = np.einsum("mij,mj->mi", model.slope_px, moved_mm)
+        error_px2 = self(model, measured.around, (linear_px**2).sum(axis=1))
+        curved_px = model.project(moved_mm) - model.rest_px - linear_px
+        weight = np.repeat(measured.gate / (measured.noise_px2 + error_px2), 2)
+        return (measured.moved_px - curved_px).ravel(), weight

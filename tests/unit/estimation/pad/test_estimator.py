@@ -360,6 +360,20 @@ def test_the_only_contact_that_is_allowed_gets_its_profile(pad_state: PadState) 
     assert len(contacts.touching) == 1
 
 
+def test_the_profile_of_a_contact_that_begins_later_is_chosen_in_the_next_frame(pad_state: PadState) -> None:
+    """In the first frame, which may be the only one, everything is tried at once."""
+    wide = np.array([[0.5, -0.5, 2.4, 0.1, 2.2, 6.0, 0.2, 0.0, 0.0, -0.05]])
+    position_px = pressed_px(pad_state, wide, Profile.FLAT)
+    only, _, _ = steps(pad_state, position_px, count=1)
+    rest, _, _ = steps(pad_state, pad_state.reference_px, count=2)
+    begun, _, contacts = steps(rest, position_px, count=1)
+    later, _, after = steps(begun, position_px, count=1)
+    assert [list(state.patches.profile) for state in (only, begun, later)] == [[1], [0], [1]]
+    assert len(contacts.touching) == 1
+    assert [each.id for each in after.touching] == [each.id for each in contacts.touching]
+    np.testing.assert_allclose(later.patches.parameters[:, FORCE], 6.0, rtol=0.1)
+
+
 def test_a_narrow_contact_stays_a_dome(pad_state: PadState) -> None:
     state, _, _ = steps(pad_state, pressed_px(pad_state, ONE, Profile.RIM))
     assert list(state.patches.profile) == [Profile.DOME]
