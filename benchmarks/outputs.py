@@ -26,8 +26,9 @@ from pathlib import Path
 
 import numpy as np
 
+from manytouch.child_process import send
 from manytouch.session import Live, prepare, run
-from manytouch.sinks.output_process.messages import packed, send
+from manytouch.sinks.output_process.messages import packed
 from manytouch.sinks.output_process.process import OutputProcess
 from manytouch.sinks.publishers.address import parse_address
 from manytouch.sinks.publishers.registry import SCHEMES

@@ -12,6 +12,8 @@ STATED = {
     "MAX_PIXELS": "{millions} million pixels",
     "MAX_IMAGE_BYTES": "| image file | {millions} MB |",
     "MAX_MARKERS": "{0} markers",
+    "MAX_FRAME_INDEX": "| number of a frame | {0},",
+    "MAX_FRAME_TIME_NS": "| time of a frame of a recording | less than {years} years from its start |",
     "MAX_MESSAGE_BYTES": "| {millions} MB, as stated in the file and decompressed |",
     "MAX_TOML_BYTES": "| sensor and scene file (TOML) | {millions} MB",
     "MAX_TOML_DEPTH": "nested {0} deep",
@@ -43,6 +45,7 @@ def test_the_documentation_states_the_limit(name: str) -> None:
     words = STATED[name].format(
         f"{value:,}".replace(",", " ") if value >= 10_000 else value,
         millions=value // 10**6,
+        years=value // (365 * 86_400 * 10**9),
         zeros=len(str(value)) - 1,
     )
     assert words in PAGE.read_text(encoding="utf-8")
