@@ -23,7 +23,7 @@ from manytouch.estimation.mechanics.clusters.evidence import Evidence, EvidenceA
 from manytouch.estimation.mechanics.clusters.face_fits import fit_bar, fit_elliptic_face
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes, smooth
-from manytouch.geometry.spline.patch import Nodal
+from manytouch.geometry.spline.patch import Nodal, SplinePatch
 from manytouch.values.arrays import Mask, Points2
 
 _TWO_PARAMETERS = 7  # of two patches; one patch has 6
@@ -59,6 +59,8 @@ class ModelOrder:
         min_f_bar: least F of two patches against a bar.
         min_bar_stds: least force of a bar, in its standard deviations; else the one patch is taken. Next to a
             clamp the place and the force of a bar depend on each other.
+        bar_from_clamp: least distance of both ends of a bar from the outline, in elements. A weak second
+            patch there is an error of the model at the clamp.
         min_inside: least share of the force of a patch, a bar or a face on the nodes of the evidence; nothing
             limits what is beyond them.
         min_mean_misfit: lower limit of the misfit per degree of freedom in F.
@@ -81,6 +83,7 @@ class ModelOrder:
     min_face: float = 1.0
     min_f_bar: float = MIN_F
     min_bar_stds: float = 2.5
+    bar_from_clamp: float = 1.0
     min_inside: float = MIN_INSIDE
     min_mean_misfit: float = 0.1
     hysteresis: float = 0.7
@@ -198,10 +201,16 @@ class ModelOrder:
         )
         if f <= limit * self.min_f_bar and bar.misfit < one.misfit:
             is_determined = bar.force_mm2 >= self.min_bar_stds * np.sqrt(bar.covariance[0, 0])
-            return bar if is_determined else one
+            return bar if is_determined and self._is_free(evidence.patch, pair.centre_mm) else one
         gap_mm = float(np.linalg.norm(pair.centre_mm[1] - pair.centre_mm[0]))
         is_pair = limit * pair.deviation_mm <= 0.25 * gap_mm
         return pair if is_pair and evidence.patch.covers(pair.centre_mm).all() else one
+
+    def _is_free(self, patch: SplinePatch, end_mm: Points2) -> bool:
+        """Whether both ends (2, 2) are far enough from the outline."""
+        inside_mm = 0.5 * np.array(patch.size_mm) - np.abs(end_mm - np.array(patch.centre_mm))
+        element_mm = np.array(patch.size_mm) / np.array(patch.elements)
+        return bool((inside_mm >= self.bar_from_clamp * element_mm).all())
 
     def _face_or(self, one: PatchFit, evidence: Evidence, element_mm: float) -> PatchFit:
         """An elliptic face that presses most with its edge, if it explains the markers clearly better."""

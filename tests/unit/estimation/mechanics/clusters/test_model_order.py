@@ -88,10 +88,14 @@ def test_a_flat_finger_is_one_contact(half_mm: float) -> None:
         assert len(split(bar)) == 1
 
 
-@pytest.mark.parametrize(("min_bar_stds", "is_face"), [(2.5, True), (1e4, False)])
-def test_a_bar_whose_force_is_not_determined_is_a_patch(min_bar_stds: float, is_face: bool) -> None:
+@pytest.mark.parametrize(
+    ("min_bar_stds", "bar_from_clamp", "is_face"), [(2.5, 1.0, True), (1e4, 1.0, False), (2.5, 40.0, False)]
+)
+def test_a_bar_whose_force_is_not_determined_or_that_is_at_the_clamp_is_a_patch(
+    min_bar_stds: float, bar_from_clamp: float, is_face: bool
+) -> None:
     bar = pressed(*((s, 0.0, 2.0, 0.1 + 0.1 * (abs(s) > 7.0)) for s in np.linspace(-9.0, 9.0, 13)))
-    order = ModelOrder(min_bar_stds=min_bar_stds)
+    order = ModelOrder(min_bar_stds=min_bar_stds, bar_from_clamp=bar_from_clamp)
     found = order(NODES, bar, CLUSTER(NODES, bar), NONE_BEFORE, evidence_at=evidence_of(bar))
     assert found.is_face.tolist() == [is_face]
     assert found.normal_mm2[0] == pytest.approx(-bar[:, 2].sum(), rel=0.05)
