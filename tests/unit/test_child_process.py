@@ -2,6 +2,7 @@
 
 import io
 import os
+import signal
 import sys
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,9 @@ import numpy as np
 import pytest
 
 from manytouch.blas_threads import VARIABLES
-from manytouch.child_process import ChildProcess, Refused, error_of, receive, refusal, send
+from manytouch.child_process import ChildProcess, Refused, error_of, refusal, send
 from manytouch.errors import MissingExtraError, OutputError, SourceError
+from piped import received, sent
 
 PROGRAM = """
 import sys
@@ -46,16 +48,6 @@ def doubling_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ChildPr
     (tmp_path / "doubling.py").write_text(PROGRAM)
     monkeypatch.syspath_prepend(tmp_path)
     return ChildProcess("doubling")
-
-
-def sent(value: object, file: Path) -> bytes:
-    with file.open("wb", buffering=0) as raw:
-        send(raw, value)
-    return file.read_bytes()
-
-
-def received(data: bytes) -> Any:
-    return receive(io.BufferedReader(io.BytesIO(data)))
 
 
 def test_half_a_message_is_the_end(file: Path) -> None:
@@ -124,7 +116,7 @@ def test_an_error_in_a_process_is_one_here(child: ChildProcess) -> None:
 def test_a_process_that_does_not_end_is_killed(child: ChildProcess) -> None:
     child.send(np.zeros(1))
     child.receive()
-    os.kill(child.pid, 19)  # SIGSTOP: it does not see that its input is closed
+    os.kill(child.pid, signal.SIGSTOP)  # it does not see that its input is closed
     assert child.end(0.2) == "exit status -9"
     with pytest.raises(ProcessLookupError):
         os.kill(child.pid, 0)

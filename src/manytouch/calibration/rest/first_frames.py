@@ -22,7 +22,7 @@ IN_FRONT_OF_A_SCENE = (
 )
 _LEAST_DOTS = 4
 _REGULAR, _FEW = 0.8, 60
-"""A pattern of fewer dots with a smaller regular share may contain things behind a transparent skin."""
+"""A pattern of fewer dots with a smaller regular share may be before a scene: choices."""
 _FEWEST_PICTURES = 8
 """Fewer do not show what lasts."""
 _DISTANT_PX = 1e6

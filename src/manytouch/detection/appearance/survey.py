@@ -41,7 +41,7 @@ class Survey:
     appearance: Appearance
     detections: Detections
     frame_index: int
-    regular: float = 1.0
+    regular: float
     notes: tuple[str, ...] = ()
 
 

@@ -1,33 +1,21 @@
 """Messages to the process of the outputs: what is left out of a reading, and what is not."""
 
-import io
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from manytouch.child_process import receive, send
 from manytouch.sinks.output_process.messages import packed, unpacked
 from manytouch.sinks.publishers.address import parse_address
 from manytouch.sinks.publishers.images import ImageTurns
 from manytouch.values import Status
+from piped import received, sent
 
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     return tmp_path / "pipe"
-
-
-def sent(value: object, file: Path) -> bytes:
-    with file.open("wb", buffering=0) as raw:
-        send(raw, value)
-    return file.read_bytes()
-
-
-def received(data: bytes) -> Any:
-    return receive(io.BufferedReader(io.BytesIO(data)))
 
 
 def test_a_reading_arrives_as_it_was_with_the_layout_of_the_sensor(

@@ -59,8 +59,8 @@ class ModelOrder:
         min_f_bar: least F of two patches against a bar.
         min_bar_stds: least force of a bar, in its standard deviations; else the one patch is taken. Next to a
             clamp the place and the force of a bar depend on each other.
-        bar_from_clamp: least distance of both ends of a bar from the outline, in elements. A weak second
-            patch there is an error of the model at the clamp.
+        bar_from_clamp: least distance of both ends of a bar from the outline, in elements: a choice. A weak
+            second patch there is an error of the model at the clamp.
         min_inside: least share of the force of a patch, a bar or a face on the nodes of the evidence; nothing
             limits what is beyond them.
         min_mean_misfit: lower limit of the misfit per degree of freedom in F.
