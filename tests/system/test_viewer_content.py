@@ -19,7 +19,7 @@ from playwright.sync_api import Browser, Page
 from browser import CHROMIUM, wait, wait_for_paint, wait_for_text, wait_until
 from manytouch.session.methods import choices_of, parameter_info, parameters_of, pipeline_for
 from manytouch.sinks.viewer import Viewer
-from manytouch.values import Comparison, OutlineRing, Press, Reading, Release, Tune
+from manytouch.values import ESTIMATES, Comparison, OutlineRing, Press, Reading, Release, Tune
 from viewer_session import HEALTH, FakeSession, reading_of
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
@@ -231,6 +231,14 @@ def test_shear_torque_slip_and_the_load_on_the_sheet_are_shown(page: Page, viewe
     assert page.locator("#total .weak").count() == 0
     show(page, viewer, pressed(1, force_N=np.array([np.nan, np.nan, -0.09])))
     wait_for_text(page, "#total .weak", "0.09 ± 0.05 N")
+
+
+def test_a_small_deviation_is_not_shown_as_zero(page: Page, viewer: Viewer) -> None:
+    covariance = np.full((len(ESTIMATES), len(ESTIMATES)), np.nan)
+    covariance[ESTIMATES.index("normal_force"), ESTIMATES.index("normal_force")] = 0.003**2
+    show(page, viewer, pressed(1, force_N=np.array([0.0, 0.0, -0.0123]), covariance=covariance))
+    wait_for_text(page, "#total", "0.012 ± 0.003 N")
+    wait_for_text(page, "#contacts tbody", "0.012 ± 0.003")
 
 
 def test_most_of_five_contacts_are_seen_without_scrolling(

@@ -9,8 +9,8 @@ from jaxtyping import Float64
 
 from manytouch.errors import ManytouchError
 from manytouch.values.arrays import Points2, reduced
-from manytouch.values.display.html import columns_table, with_std
-from manytouch.values.display.text import count_of
+from manytouch.values.display.html import columns_table
+from manytouch.values.display.text import count_of, with_std
 from manytouch.values.status import Status
 
 ESTIMATES = ("x", "y", "depth", "shear_x", "shear_y", "normal_force", "torque", "area")

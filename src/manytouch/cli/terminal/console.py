@@ -17,7 +17,7 @@ from manytouch.sinks.files.sensor_description import describe_sensor, describe_v
 from manytouch.sinks.files.summary import Summary
 from manytouch.sinks.files.tables import ContactList, time_s
 from manytouch.values import LengthUnit, Reading, Sensor
-from manytouch.values.display.text import count_of
+from manytouch.values.display.text import count_of, with_std
 
 PLAIN_EVERY_S = 5.0
 MOST_CONTACTS = 10
@@ -200,13 +200,10 @@ def describe_contacts(contacts: ContactList, unit: LengthUnit) -> Sequence[str]:
             f"at ({x + 0.0:.2f}, {y + 0.0:.2f}) {unit}",
         ]
         if math.isfinite(each.deepest.depth_mm):
-            deviation = each.deepest.std("depth")
-            text = f"depth {each.deepest.depth_mm:.2f}"
-            parts.append(f"{text} ± {deviation:.2f} {unit}" if math.isfinite(deviation) else f"{text} {unit}")
-        force_N, deviation = each.at_peak.normal_force_N, each.at_peak.std("normal_force")
+            parts.append(f"depth {with_std(each.deepest.depth_mm, each.deepest.std('depth'))} {unit}")
+        force_N = each.at_peak.normal_force_N
         if math.isfinite(force_N):
-            text = f"force {force_N:.2f}"
-            parts.append(f"{text} ± {deviation:.2f} N" if math.isfinite(deviation) else f"{text} N")
+            parts.append(f"force {with_std(force_N, each.at_peak.std('normal_force'))} N")
         lines.append(", ".join(parts))
     if len(found) > MOST_CONTACTS:
         lines.append(f"and {len(found) - MOST_CONTACTS} more in contact_list.csv")

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from manytouch.values import Contact, Phase, Reading, Sensor, Status, Truth
+from manytouch.values.display.text import with_std
 
 HEADINGS = f"{'time':>9}  {'contact':<15} {'x':>8} {'y':>8}   {'depth':<17}"
 FORCE_HEADING = f"{'force (N)':<15}"
@@ -100,20 +101,14 @@ class ContactLog:
             return f"{before}truth: no contact"
         nearest = min(known, key=lambda other: math.dist(other.centre_mm, contact.centre_mm))
         x, y = nearest.centre_mm
-        force_N = -float(nearest.force_N[2])
-        force = f", {force_N:.2f} N" if self._has_forces and math.isfinite(force_N) else ""
+        force_N = nearest.normal_force_N
+        force = f", {with_std(force_N, math.nan)} N" if self._has_forces and math.isfinite(force_N) else ""
         return f"{before}truth {x:.2f}, {y:.2f}, depth {nearest.depth_mm:.2f}{force}"
 
 
 def _depth(contact: Contact) -> str:
-    return _with_std(contact.depth_mm, contact.std("depth"))
+    return with_std(contact.depth_mm, contact.std("depth"), unknown="unknown")
 
 
 def _force(contact: Contact) -> str:
-    return _with_std(-float(contact.force_N[2]), contact.std("normal_force"))
-
-
-def _with_std(value: float, std: float) -> str:
-    if not math.isfinite(value):
-        return "unknown"
-    return f"{value:.2f}" + (f" ± {std:.2f}" if math.isfinite(std) else "")
+    return with_std(contact.normal_force_N, contact.std("normal_force"), unknown="unknown")

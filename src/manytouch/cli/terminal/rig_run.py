@@ -10,7 +10,7 @@ from manytouch.cli.terminal.failures import usage_error
 from manytouch.errors import ManytouchError
 from manytouch.rigs.rig_contact import RigContact
 from manytouch.values import Phase
-from manytouch.values.display.text import count_of
+from manytouch.values.display.text import count_of, with_std
 
 
 class RigLog:
@@ -42,15 +42,15 @@ class RigLog:
     def _print(self, sensor: str, time_s: float, contact: RigContact, word: str, what: str = "") -> None:
         x, y, z = contact.position_mm
         place = f" at {x:.1f}, {y:.1f}, {z:.1f} mm" if math.isfinite(x) else ""
-        depth = _with_std("depth", contact.depth_mm, contact.own["depth_std_mm"], "mm")
-        force = _with_std("force", contact.own["normal_force_N"], contact.own["force_std_N"], "N")
+        depth = _described("depth", contact.depth_mm, contact.own["depth_std_mm"], "mm")
+        force = _described("force", contact.own["normal_force_N"], contact.own["force_std_N"], "N")
         self.on_note(sensor, f"{time_s:8.3f} s  #{contact.id} {word}{place}{depth}{force}{what}")
 
 
-def _with_std(name: str, value: float | None, std: float | None, unit: str) -> str:
+def _described(name: str, value: float | None, std: float | None, unit: str) -> str:
     if value is None or not math.isfinite(value):
         return ""
-    return f", {name} {value:.2f}" + ("" if std is None else f" ± {std:.2f}") + f" {unit}"
+    return f", {name} {with_std(value, math.nan if std is None else std)} {unit}"
 
 
 def run_rig_file(

@@ -16,6 +16,7 @@ from manytouch.sinks.pictures.label_layout import Rectangle, place_label
 from manytouch.sinks.pictures.video_file import VideoFile
 from manytouch.values import Contact, Reading, Sensor
 from manytouch.values.arrays import Points2
+from manytouch.values.display.text import with_std
 
 LONG_SIDE_PX = 1000
 LEAST_LONG_SIDE_PX = 640  # more would leave a video too few bits per pixel
@@ -163,12 +164,9 @@ class Annotator:
 
     def depth_text(self, contact: Contact) -> str:
         """Depth and its deviation in the sensor's unit."""
-        unit, std = self._sensor.length_unit, contact.std("depth")
         if not np.isfinite(contact.depth_mm):
             return "depth unknown"
-        if not np.isfinite(std):
-            return f"{contact.depth_mm:.2f} {unit}"
-        return f"{contact.depth_mm:.2f} ± {std:.2f} {unit}"
+        return f"{with_std(contact.depth_mm, contact.std('depth'))} {self._sensor.length_unit}"
 
     def _framed(self, picture: np.ndarray, reading: Reading) -> np.ndarray:
         """Add a line of facts above and a legend below; the size becomes even."""
@@ -276,10 +274,8 @@ class AnnotatedPictures:
 
 def force_text(contact: Contact) -> str:
     """Normal force and its deviation with two spaces in front; empty if it is not known."""
-    force_N, std_N = -float(contact.force_N[2]), contact.std("normal_force")
-    if not np.isfinite(force_N):
-        return ""
-    return f"  {force_N:.2f} N" if not np.isfinite(std_N) else f"  {force_N:.2f} ± {std_N:.2f} N"
+    force_N = contact.normal_force_N
+    return f"  {with_std(force_N, contact.std('normal_force'))} N" if np.isfinite(force_N) else ""
 
 
 def write_png(path: Path, picture: np.ndarray) -> None:

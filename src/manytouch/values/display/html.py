@@ -1,6 +1,5 @@
 """Small HTML tables, which notebooks show for values."""
 
-import math
 from collections.abc import Iterable, Sequence
 from html import escape
 
@@ -22,10 +21,3 @@ def columns_table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> st
         "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
     )
     return f"<table><tr>{head}</tr>{lines}</table>"
-
-
-def with_std(value: float, std: float, digits: int = 2) -> str:
-    """A number with its standard deviation; a dash if it is not known."""
-    if not math.isfinite(value):
-        return "–"
-    return f"{value:.{digits}f}" + (f" ± {std:.{digits}f}" if math.isfinite(std) else "")

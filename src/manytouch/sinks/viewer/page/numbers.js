@@ -15,7 +15,15 @@ const sign = (text) => text.replace(/^-(0(?:\.0*)?)$/, "$1").replace("-", "−")
 export const fixed = (value, digits) => (known(value) ? sign(value.toFixed(digits)) : "–");
 export const length = (mm, more = 0) => (known(mm) ? fixed(inLength(mm), LENGTHS[units.length][1] + more) : "–");
 export const force = (N, more = 0) => (known(N) ? fixed(inForce(N), FORCES[units.force][1] + more) : "–");
-export const withStd = (value, std, write) => (known(std) ? `${write(value)} ± ${write(std)}` : write(value));
+
+/** Texts of a number and its standard deviation; up to four decimals more where this would be shown as zero. */
+export function numberAndStd(value, std, write) {
+  let more = 0;
+  while (std > 0 && more < 4 && !/[1-9]/.test(write(std, more))) more += 1;
+  return [write(value, more), `± ${write(std, more)}`];
+}
+
+export const withStd = (value, std, write) => (known(std) ? numberAndStd(value, std, write).join(" ") : write(value));
 export const isKnown = known;
 
 /** A round step that divides a span into about `count` parts. */

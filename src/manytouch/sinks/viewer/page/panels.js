@@ -2,7 +2,7 @@
 
 import { contactColour, styled } from "./colours.js";
 import { render } from "./elements.js";
-import { fixed, force, inLength, isKnown, length, niceCeiling, units, withStd } from "./numbers.js";
+import { fixed, force, inLength, isKnown, length, niceCeiling, numberAndStd, units, withStd } from "./numbers.js";
 import { plot } from "./plot.js";
 
 /** 99th percentile of the latency from which on it is marked: a choice, between three and four frames at 30 per second. */
@@ -10,8 +10,11 @@ const SLOW_MS = 120;
 const find = (id) => document.getElementById(id);
 const cell = (...content) => ["td", {}, ...content];
 /** A value with its standard deviation; set apart where 0 lies within two of them. */
-const withSmallStd = (value, std, write) => (isKnown(std)
-  ? ["td", { class: Math.abs(value) < 2 * std ? "weak" : "" }, `${write(value)} `, ["small", {}, `± ${write(std)}`]] : cell(write(value)));
+function withSmallStd(value, std, write) {
+  if (!isKnown(std)) return cell(write(value));
+  const [number, deviation] = numberAndStd(value, std, write);
+  return ["td", { class: Math.abs(value) < 2 * std ? "weak" : "" }, `${number} `, ["small", {}, deviation]];
+}
 
 /** One row per contact, followed by the nearest contact of the comparison. */
 export function showContacts(contacts, others, { name, reach, head, pinned }) {
