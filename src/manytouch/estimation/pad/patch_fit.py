@@ -145,6 +145,8 @@ class PatchFitter:
     Attributes:
         prior: of a contact.
         shift_px, growth, turn_rad: standard deviations of the motion of the image.
+        moved_stds: of a motion from which the camera has moved: its deviation is then the motion itself, and
+            the misfit no larger than from this motion on.
         fitted_share: share of the standard deviations of Poisson's ratio and of the thickness that is fitted.
             The rest counts in the covariance only, since the error of the model is taken for theirs.
         max_steps: of the iteration.
@@ -156,6 +158,7 @@ class PatchFitter:
     shift_px: float = 0.03
     growth: float = 3e-4
     turn_rad: float = 3e-4
+    moved_stds: float = 4.0
     fitted_share: float = 0.4
     max_steps: int = 20
     least_gain: float = 1e-3
@@ -206,21 +209,21 @@ class PatchFitter:
             curved=np.empty((len(theta), len(theta))),
             pull=np.empty(len(theta)),
         )
-        misfit = iterate(
-            theta,
-            count,
-            Problem(
-                profile=patches.profile,
-                pad=PatchPad(model.grid, model.table, model.markers, model.by_sides),
-                prior=self.prior.numbers(model),
-                common=common,
-                measured=Measured(np.ascontiguousarray(measured_px), np.ascontiguousarray(weight)),
-            ),
-            self._limits(model, self.rough_gain if is_rough else self.least_gain, needed),
-            work,
-            with_covariance,
+        problem = Problem(
+            profile=patches.profile,
+            pad=PatchPad(model.grid, model.table, model.markers, model.by_sides),
+            prior=self.prior.numbers(model),
+            common=common,
+            measured=Measured(np.ascontiguousarray(measured_px), np.ascontiguousarray(weight)),
         )
+        limits = self._limits(model, self.rough_gain if is_rough else self.least_gain, needed)
+        misfit = iterate(theta, count, problem, limits, work, with_covariance)
         contacts, motion, fitted = _parts(theta, count)
+        has_moved = np.abs(motion) > self.moved_stds * common.std[:MOTIONS]
+        if has_moved.any() and misfit <= needed:
+            common.std[:MOTIONS][has_moved] = np.abs(motion[has_moved])
+            misfit = iterate(theta, count, problem, limits, work, with_covariance)
+            misfit += (self.moved_stds**2 - 1.0) * int(has_moved.sum())
         covariance = by_sheet = np.zeros((0, 0))
         if with_covariance:
             covariance, by_sheet = self._covariances(work.curved, count)

@@ -64,6 +64,22 @@ def test_an_image_that_shifts_as_a_whole_shows_no_contact(
     assert not contacts.touching
 
 
+@pytest.mark.parametrize(("shift_px", "turn_rad"), [((1.5, -0.8), 0.0), ((0.0, 0.0), 1.5e-2)])
+def test_a_contact_is_the_same_where_the_camera_has_moved(
+    pad_state: PadState, shift_px: tuple[float, float], turn_rad: float
+) -> None:
+    """The image moves while a contact is held: the only one, with nearly the same force and shear."""
+    held_px = pressed_px(pad_state, ONE)
+    state, _, before = steps(pad_state, held_px)
+    middle_px = pad_state.model.rest_px.mean(axis=0)
+    turned_px = turn_rad * (held_px - middle_px)[:, ::-1] * np.array([-1.0, 1.0])
+    _, _, after = steps(state, held_px + turned_px + np.array(shift_px), count=4)
+    (was,), (found,) = before.touching, after.touching
+    press_N = -was.force_N[2]
+    np.testing.assert_allclose(found.force_N, was.force_N, atol=0.03 * press_N)
+    np.testing.assert_allclose(found.centre_mm, was.centre_mm, atol=0.05)
+
+
 def test_a_contact_is_found_with_force_shear_and_torque(pad_state: PadState) -> None:
     _, surface, contacts = steps(pad_state, pressed_px(pad_state, ONE))
     (found,) = contacts.touching
