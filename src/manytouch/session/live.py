@@ -279,6 +279,7 @@ class Live:
                 return
             if is_live:
                 self._count_dropped(frame)
+                self._recorder.take(frame)
                 if not self._is_held:
                     yield frame
             else:

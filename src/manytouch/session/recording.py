@@ -76,9 +76,13 @@ class SessionRecorder:
             self._recorder.describe(sensor, pipeline, method)
 
     def take(self, frame: Frame) -> None:
-        """Record a frame that is about to be processed, unless a device passes its frames on itself."""
-        if self._recorder is not None and self._job.source.capabilities.device is None:
-            self._recorder.take(frame, waits=True)
+        """Record a frame that is about to be processed, unless a device passes its frames on itself.
+
+        If the disk is slow, a frame of a file waits; one of a live source is omitted and counted.
+        """
+        source = self._job.source
+        if self._recorder is not None and source.capabilities.device is None:
+            self._recorder.take(frame, waits=not source.is_live)
 
     def write(self, reading: Reading) -> None:
         """Record a reading; end a recording that has failed."""

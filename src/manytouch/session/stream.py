@@ -1,6 +1,7 @@
 """Readings of a live session for Python programs, with `with` and `for`, or `async with` and `async for`."""
 
 import asyncio
+import threading
 from collections.abc import AsyncIterator, Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -77,7 +78,11 @@ def stream(
 
 
 class Stream:
-    """Readings of a live session, in order, while its block lasts; made by `stream`."""
+    """Readings of a live session, in order, while its block lasts; made by `stream`.
+
+    The block may be left while another thread, or a task that is cancelled, waits for a reading: that ends
+    the iteration.
+    """
 
     def __init__(
         self,
@@ -93,6 +98,8 @@ class Stream:
         self._live: Live | None = None
         self._closing = ExitStack()
         self._readings: Generator[Reading, None, None] | None = None
+        self._is_left = threading.Event()
+        self._use = threading.RLock()  # of the readings, which one thread at a time may request or close
 
     @property
     def sensor(self) -> Sensor:
@@ -120,16 +127,19 @@ class Stream:
             live.attach(start_outputs(self._to, live))
             for sink in live.own_sinks:
                 closing.callback(sink.close)
-            self._readings = live.start(self._observer, lambda: False)
+            self._readings = live.start(self._observer, self._is_left.is_set)
             closing.callback(self._readings.close)
-            self._live = live
-            self._closing = closing.pop_all()
+            with self._use:
+                if self._is_left.is_set():
+                    raise ManytouchError("the stream was closed while it was prepared")
+                self._live = live
+                self._closing = closing.pop_all()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._closing.close()
+        self._leave()
 
     def __iter__(self) -> Iterator[Reading]:
         return self
@@ -138,18 +148,23 @@ class Stream:
         live = self._live
         if live is None or self._readings is None:
             raise ManytouchError("a stream is iterated in its block: with manytouch.stream(...) as readings")
-        reading = next(self._readings)
-        for sink in live.own_sinks:
-            sink.write(reading)
+        with self._use:
+            reading = next(self._readings)
+            for sink in live.own_sinks:
+                sink.write(reading)
         return reading
 
     async def __aenter__(self) -> "Stream":
-        return await asyncio.to_thread(self.__enter__)
+        try:
+            return await asyncio.to_thread(self.__enter__)
+        except asyncio.CancelledError:  # the thread goes on: it closes what it has opened when it is done
+            await asyncio.to_thread(self._leave)
+            raise
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        await asyncio.to_thread(self._closing.close)
+        await asyncio.to_thread(self._leave)
 
     def __aiter__(self) -> AsyncIterator[Reading]:
         return self
@@ -159,6 +174,15 @@ class Stream:
         if reading is None:
             raise StopAsyncIteration
         return reading
+
+    def _leave(self) -> None:
+        """End the session; a thread that waits for a reading is released first."""
+        self._is_left.set()
+        live = self._live
+        if live is not None:
+            live.close()
+        with self._use:
+            self._closing.close()
 
     @property
     def _controls(self) -> Controls:

@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 
 from clips import picture
+from drawn_source import DrawnSource
+from manytouch.recording.reader import Recording
 from manytouch.session import Live, prepare, run
 from manytouch.sinks import recorder as recorder_module
 from manytouch.sources import Capabilities, open_source
@@ -160,3 +162,11 @@ def test_the_last_log_time_is_when_the_last_frame_arrived_and_not_after_the_file
         log_ns = [message.log_time for _, _, message in make_reader(file).iter_messages(topics=["/camera"])]
     assert abs(max(log_ns) - source.arrived_unix_ns[-1]) < 50_000_000
     assert max(log_ns) < path.stat().st_mtime_ns + 50_000_000
+
+
+def test_frames_of_a_live_source_without_a_device_are_recorded(tmp_path: Path) -> None:
+    path = tmp_path / "own.mcap"
+    job = prepare(DrawnSource(frames=60, is_touched=False, is_live=True), method="perimeter", pitch_mm=4.0)
+    live = Live(job, record=path)
+    run(live)
+    assert len(Recording(path)) == live.health().frames + live.health().dropped > 0

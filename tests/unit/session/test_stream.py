@@ -1,6 +1,9 @@
 """Readings of a live session in Python: `with`, `async with`, commands, outputs, a recording."""
 
 import asyncio
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -10,7 +13,9 @@ import manytouch
 from drawn_source import DrawnSource
 from manytouch.errors import ManytouchError
 from manytouch.recording.reader import Recording
-from manytouch.values import Pause
+from manytouch.sources import Capabilities
+from manytouch.values import Frame, Pause
+from waiting import wait_until
 
 FRAMES = 24
 
@@ -69,3 +74,83 @@ def test_other_tasks_run_while_an_asynchronous_loop_waits() -> None:
 def test_an_error_of_the_source_is_raised_when_the_block_is_entered() -> None:
     with pytest.raises(ManytouchError, match="There is no"), manytouch.stream("missing.mp4"):
         pass
+
+
+class SilentCamera(DrawnSource):
+    """Gives its first frames, and then none until it is closed.
+
+    Attributes:
+        is_silent: set when it gives none any more.
+        is_closed: set when it is closed.
+        at_begin: called before the first frame.
+    """
+
+    def __init__(self, at_begin: Callable[[], object] = lambda: None) -> None:
+        super().__init__(frames=60, is_touched=False, is_live=True)
+        self.is_silent, self.is_closed = threading.Event(), threading.Event()
+        self.at_begin = at_begin
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return replace(super().capabilities, close=self.is_closed.set)
+
+    def __iter__(self) -> Iterator[Frame]:
+        self.at_begin()
+        yield from super().__iter__()
+        self.is_silent.set()
+        self.is_closed.wait()
+
+
+def test_a_task_that_waits_for_a_silent_camera_can_be_cancelled(tmp_path: Path) -> None:
+    camera, path = SilentCamera(), tmp_path / "press.mcap"
+
+    async def read() -> None:
+        async with manytouch.stream(camera, method="perimeter", pitch_mm=4.0, record=path) as readings:
+            async for _ in readings:
+                pass
+
+    async def cancel() -> None:
+        reading = asyncio.create_task(read())
+        await asyncio.to_thread(camera.is_silent.wait)
+        reading.cancel()
+        await reading
+
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(cancel())
+    assert camera.is_closed.is_set()
+    assert len(Recording(path)) > 0, "the recording is complete"
+
+
+def test_a_task_that_is_cancelled_while_it_enters_the_block_leaves_no_camera_open() -> None:
+    has_begun, may_continue = threading.Event(), threading.Event()
+
+    def wait() -> None:
+        has_begun.set()
+        may_continue.wait()
+
+    camera = SilentCamera(at_begin=wait)
+
+    async def enter() -> None:
+        async with manytouch.stream(camera, method="perimeter", pitch_mm=4.0):
+            pass
+
+    async def cancel() -> None:
+        entering = asyncio.create_task(enter())
+        await asyncio.to_thread(has_begun.wait)
+        entering.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await entering
+        may_continue.set()
+
+    asyncio.run(cancel())
+    wait_until(camera.is_closed.is_set)
+
+
+def test_a_block_that_is_left_ends_the_iteration_of_another_thread() -> None:
+    camera, found = SilentCamera(), []
+    with manytouch.stream(camera, method="perimeter", pitch_mm=4.0) as readings:
+        thread = threading.Thread(target=lambda: found.extend(readings))
+        thread.start()
+        camera.is_silent.wait()
+    thread.join()
+    assert found
