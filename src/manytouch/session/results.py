@@ -12,7 +12,13 @@ from manytouch.session.prepare import Job, prepare
 from manytouch.session.result_hashes import Pitch, files_stamp, request_hash, request_hashes, result_stamp
 from manytouch.session.run import Observer, StopCondition, run
 from manytouch.sinks.files.regions import RegionTable
-from manytouch.sinks.files.result_folder import ResultFolder, folder_bytes, is_disk_full
+from manytouch.sinks.files.result_folder import (
+    NearlyFullError,
+    ResultFolder,
+    RoomCheck,
+    folder_bytes,
+    is_disk_full,
+)
 from manytouch.sinks.files.summary import Summary
 from manytouch.sinks.files.surface_store import SurfaceStore, require_zarr
 from manytouch.sinks.files.tables import ContactList, ContactTable, FrameTable, MarkerTable
@@ -115,7 +121,8 @@ class ResultFiles:
     """The files of a result folder; they replace those of an earlier run at the end of its block.
 
     An error of writing, or one before the first reading, leaves the earlier folder as it was. Any other one,
-    also `KeyboardInterrupt`, keeps what was computed; summary.json then contains `"complete": false`.
+    also `KeyboardInterrupt`, keeps what was computed; summary.json then contains `"complete": false`. What is
+    not repeatable, a session, ends with such an error before its disk is full.
 
     Attributes:
         folder: the final folder; the files are in its `partial_path` until the end of the block.
@@ -161,6 +168,7 @@ class ResultFiles:
         self.is_complete = False
         self._job = job
         self.is_repeatable, self._session_warnings = is_repeatable, warnings
+        self._is_session = not is_repeatable
         self.stamp = result_stamp(job.files_stamp or files_stamp(job.text), request_hash(job.request))
         self.hashes = dict(request_hashes(job.source, job.text, job.request))
         self.summary = Summary(
@@ -170,6 +178,7 @@ class ResultFiles:
         partial, sensor = self.folder.partial_path, job.sensor
         self.sinks: list[Sink] = []
         try:
+            room = None if is_repeatable else RoomCheck(self.folder)
             self.pictures = SelectedFrames(partial, sensor, pictures) if pictures else None
             self.sinks.append(ContactTable(partial, sensor))
             self.sinks.append(RegionTable(partial, sensor))
@@ -197,6 +206,8 @@ class ResultFiles:
             self.folder.close()
             raise (self._with_space(error) if isinstance(error, OutputError) else error) from error
         self.sinks.append(self.summary)
+        if room is not None:
+            self.sinks.append(room)
 
     def __enter__(self) -> "ResultFiles":
         return self
@@ -205,7 +216,7 @@ class ResultFiles:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         with self.folder:
-            if error is not None and (isinstance(error, OutputError) or is_disk_full(error)):
+            if error is not None and self._is_of_writing(error):
                 self._close_sinks()
                 raise self._with_space(error) from error
             if error is not None and self.summary.frames == 0:
@@ -225,6 +236,16 @@ class ResultFiles:
             except OutputError as failed:
                 self._close_sinks()
                 raise self._with_space(failed) from failed
+
+    def _is_of_writing(self, error: BaseException) -> bool:
+        """Whether a result could not be written.
+
+        An error of a full disk that names no result may come from standard output; then the results of a
+        session are kept if they can be completed.
+        """
+        if isinstance(error, OutputError):
+            return not isinstance(error, NearlyFullError)
+        return not self._is_session and is_disk_full(error)
 
     def _close_sinks(self) -> None:
         """Release the files, which are removed."""

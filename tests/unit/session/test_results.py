@@ -2,6 +2,8 @@
 
 import errno
 import json
+import shutil
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +33,7 @@ from manytouch.session import (
 from manytouch.session.methods import default_method
 from manytouch.session.prepare import Job
 from manytouch.sinks.files.atomic_output import output_errors
+from manytouch.sinks.files.result_folder import CHECK_INTERVAL
 from manytouch.sources import open_source
 from manytouch.sources.simulated import SimulatedSource, simulated_source
 from manytouch.values import Command, Pause, Press, Reading, Resume, Roi, Sensor, Tune, UseMethod
@@ -118,6 +121,72 @@ def test_a_failed_write_leaves_no_file_of_its_run(tmp_path: Path) -> None:
         process_job(prepare(DrawnSource(frames=30)), folder, sinks=[Full()])
     assert len(rows_of(folder / "frames.csv")) == 16
     assert [path.name for path in tmp_path.iterdir()] == ["press"]
+
+
+def session_on_disk_of(free_bytes: Iterator[int], folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run a session whose disk has so much free space at each look."""
+    usage = shutil.disk_usage(folder.parent)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=next(free_bytes)))
+    live = Live(prepare(DrawnSource(frames=100, fps=2000.0), method="perimeter"))
+    with ResultFiles(folder, live.job, is_repeatable=False) as files:
+        run(live, files.sinks)
+
+
+def test_a_session_ends_while_its_disk_has_room_to_complete_the_results(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "press"
+    with pytest.raises(OutputError, match=r"press is nearly full \(1 MB are left, and 8.39 MB are kept"):
+        session_on_disk_of(iter([10**9, 10**9, 10**6]), folder, monkeypatch)
+    assert {path.name for path in folder.iterdir()} == TABLES
+    assert len(rows_of(folder / "frames.csv")) == 2 * CHECK_INTERVAL
+    assert summary_of(folder)["complete"] is False
+
+
+def test_a_session_does_not_begin_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(OutputError, match=r"its disk has 1 MB left, and 8.39 MB are kept"):
+        session_on_disk_of(iter([10**6]), tmp_path / "press", monkeypatch)
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_session_states_soon_that_the_folder_of_its_results_was_removed(tmp_path: Path) -> None:
+    class Removing:
+        """A sink that removes the folder where the results are written."""
+
+        def write(self, reading: Reading) -> None:
+            if reading.frame.index == 5:
+                shutil.rmtree(files.folder.partial_path)
+
+        def close(self) -> None: ...
+
+    live = Live(prepare(DrawnSource(frames=100, fps=2000.0), method="perimeter"))
+    seen = Seen()
+    words = r"the folder of its files until the end, was removed"
+    with (
+        pytest.raises(OutputError, match=words),
+        ResultFiles(tmp_path / "press", live.job, is_repeatable=False) as files,
+    ):
+        run(live, [Removing(), *files.sinks, seen])
+    assert len(seen.readings) < CHECK_INTERVAL
+
+
+def test_a_session_whose_terminal_is_on_a_full_disk_keeps_its_results(tmp_path: Path) -> None:
+    class FullTerminal:
+        """A sink that prints."""
+
+        def write(self, reading: Reading) -> None:
+            if reading.frame.index == 20:
+                raise OSError(errno.ENOSPC, "No space left on device")
+
+        def close(self) -> None: ...
+
+    live = Live(prepare(DrawnSource(frames=30), method="perimeter"))
+    with (
+        pytest.raises(OSError, match="No space"),
+        ResultFiles(tmp_path / "press", live.job, is_repeatable=False) as files,
+    ):
+        run(live, [*files.sinks, FullTerminal()])
+    assert len(rows_of(tmp_path / "press" / "frames.csv")) == 21
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ManytouchError])

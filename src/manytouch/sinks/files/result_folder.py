@@ -15,10 +15,16 @@ from types import TracebackType
 from manytouch.errors import OutputError
 from manytouch.sinks.files.atomic_output import flush, output_errors, remove
 from manytouch.sinks.files.folder_lock import FolderInUseError, FolderLock
+from manytouch.values import Reading
 
 PARTIAL, OLD = "partial", "old"
 REMOVALS = 40
 LONGEST_LABEL = 200  # bytes of a name that still has room for the suffixes
+END_BYTES, END_SHARE = 8 * 2**20, 0.01
+"""What completing the files of a session takes at most, as a constant and a share of what is written: the
+last row groups of the tables, of which that of the regions is the largest (about 5 MB), and the lists of row
+groups (0.1 %, about 1 kB per group of 1 MB)."""
+CHECK_INTERVAL = 30  # readings; a choice: a second of most cameras
 
 
 class ResultFolder:
@@ -146,6 +152,69 @@ class ResultFolder:
             elif not kept.exists():
                 entry.rename(kept)
         old.rmdir()
+
+
+class NearlyFullError(OutputError):
+    """The disk has no more room than completing the files takes."""
+
+
+class RoomCheck:
+    """A sink that ends a session while its files can still be completed, as a session cannot be repeated."""
+
+    def __init__(self, folder: ResultFolder) -> None:
+        """Check the room at the beginning.
+
+        Args:
+            folder: that the other sinks write to.
+
+        Raises:
+            OutputError: the disk has too little room to begin.
+        """
+        self._folder = folder
+        self._readings = 0
+        if folder.free_bytes < END_BYTES:
+            raise OutputError(
+                f"cannot write {folder.path}: its disk has {_megabytes(folder.free_bytes)} left, and "
+                f"{_megabytes(END_BYTES)} are kept for the end of the files; free some space, or choose "
+                "another disk"
+            )
+
+    def write(self, reading: Reading) -> None:
+        """Count a reading; check the room after some.
+
+        Raises:
+            NearlyFullError: the disk is nearly full.
+            OutputError: the folder was removed.
+        """
+        self._readings += 1
+        if self._readings % CHECK_INTERVAL == 0:
+            self._check()
+
+    def close(self) -> None:
+        """Nothing to do."""
+
+    def _check(self) -> None:
+        partial, path = self._folder.partial_path, self._folder.path
+        try:
+            free_bytes = shutil.disk_usage(partial).free
+        except FileNotFoundError as error:
+            raise OutputError(
+                f"cannot write {path}: {partial.name}, the folder of its files until the end, was removed; "
+                "start again, and leave hidden folders there"
+            ) from error
+        except OSError:
+            return  # unknown here; a failing write ends the session
+        kept_bytes = END_BYTES + int(END_SHARE * folder_bytes(partial))
+        if free_bytes < kept_bytes:
+            raise NearlyFullError(
+                f"the disk of {path} is nearly full ({_megabytes(free_bytes)} are left, and "
+                f"{_megabytes(kept_bytes)} are kept for the end of the files): the session has ended, and "
+                "the folder has its results up to here; free some space, or choose another disk"
+            )
+
+
+def _megabytes(count: int) -> str:
+    return f"{count / 1e6:.3g} MB"
 
 
 def is_in_use(path: Path) -> bool:
