@@ -1,5 +1,7 @@
 """Every frame of an input into the files of a result folder."""
 
+import hashlib
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -83,7 +85,7 @@ def process(
         whole_recording=True,
         observer=observer,
     )
-    folder = Path(out) / result_name(input.name if isinstance(input, Source) else str(input))
+    folder = Path(out) / (_file_name(input.name) if isinstance(input, Source) else result_name(str(input)))
     process_job(job, folder, surface=surface, annotate=annotate, observer=observer, stop=stop)
     return folder
 
@@ -274,7 +276,15 @@ LONGEST_NAME = 100
 
 
 def result_name(text: str) -> str:
-    """Name of the folder for an input's results: its stem, without what a file name cannot contain."""
+    """Name of the folder for an input's results: its stem, or of a stream its address.
+
+    An address lacks user, password and query, which may contain a password too; streams that differ in the
+    query differ in its hash.
+    """
+    if "://" in text:
+        address, _, query = without_password(text).partition("://")[2].partition("?")
+        which = f"-{hashlib.sha256(query.encode()).hexdigest()[:8]}" if query else ""
+        return _file_name(f"stream-{address.partition('#')[0].strip('/')}")[:LONGEST_NAME] + which
     if text.startswith("sim:"):
         scene = text.removeprefix("sim:")
         return f"sim-{Path(scene).stem}" if scene else "sim"
@@ -286,6 +296,11 @@ def result_name(text: str) -> str:
         return f"{path.stem}-{topic}"  # a sensor of a rig
     name = path.name if path.is_dir() else path.stem
     return name or "input"
+
+
+def _file_name(name: str) -> str:
+    """A name without what file names cannot contain on some system."""
+    return re.sub(r'[\x00-\x1f\\/:*?"<>|]+', "-", name).strip(" .") or "input"
 
 
 def result_names(inputs: Sequence[str]) -> list[str]:

@@ -77,13 +77,13 @@ def test_failures_are_listed_and_do_not_stop_the_others(
     (recordings / "press1.mp4").write_bytes(b"nothing" * 100)
     report, _ = batch(recordings, recordings / "gone.mp4", "rtsp://127.0.0.1/camera")
     assert report.computed == 2
-    assert set(report.failed) == {"press1", "gone", "camera"}
+    assert set(report.failed) == {"press1", "gone", "stream-127.0.0.1-camera"}
     rows = rows_of(tmp_path / "out" / "failures.csv")
-    assert [Path(row["input"]).name for row in rows] == ["camera", "gone.mp4", "press1.mp4"]
-    assert "There is no" in rows[1]["sentence"]
-    assert "Traceback" in (tmp_path / "out" / rows[1]["traceback"]).read_text()
+    assert [Path(row["input"]).name for row in rows] == ["gone.mp4", "press1.mp4", "camera"]
+    assert "There is no" in rows[0]["sentence"]
+    assert "Traceback" in (tmp_path / "out" / rows[0]["traceback"]).read_text()
     lines = pq.read_table(tmp_path / "out" / "results.parquet").to_pylist()
-    assert [line["state"] for line in lines] == ["absent", "absent", "complete", "absent", "complete"]
+    assert [line["state"] for line in lines] == ["absent", "complete", "absent", "complete", "absent"]
     shutil.copy(recordings / "press0.mp4", recordings / "press1.mp4")
     assert not batch(recordings)[0].failed
     assert rows_of(tmp_path / "out" / "failures.csv") == []

@@ -398,10 +398,27 @@ def test_an_input_without_frames_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "name"), [("a/b.c.mp4", "b.c"), ("sim:", "sim"), ("sim:one", "sim-one"), ("x/../y.avi", "y")]
+    ("text", "name"),
+    [
+        *[("a/b.c.mp4", "b.c"), ("sim:", "sim"), ("sim:one", "sim-one"), ("x/../y.avi", "y")],
+        *[("0", "0"), ("/dev/video2", "video2"), ("http://10.0.0.5/", "stream-10.0.0.5")],
+        ("rtsp://user:secret@10.0.0.5:554/cam/1", "stream-10.0.0.5-554-cam-1"),
+        ("http://[::1]:8080/video.mjpg#x", "stream-[-1]-8080-video.mjpg"),
+    ],
 )
 def test_names_of_results(text: str, name: str) -> None:
     assert result_name(text) == name
+
+
+def test_streams_that_differ_only_in_the_query_have_folders_of_their_own() -> None:
+    names = {result_name(f"http://cam/video.cgi?camera={number}&password=secret") for number in range(3)}
+    assert len(names) == 3
+    assert not any("secret" in name or "?" in name for name in names)
+
+
+@pytest.mark.parametrize(("name", "folder"), [("finger.1", "finger.1"), ("left/tip", "left-tip")])
+def test_results_of_an_open_source_have_its_whole_name(name: str, folder: str, tmp_path: Path) -> None:
+    assert process(DrawnSource(frames=16, name=name), out=tmp_path, method="perimeter").name == folder
 
 
 def test_kernels_are_known_by_name() -> None:
