@@ -39,6 +39,7 @@ from manytouch.session.prepare import Job
 from manytouch.session.recording import SessionRecorder
 from manytouch.session.run import Observer, StopCondition
 from manytouch.session.throughput import ThroughputMeter
+from manytouch.sources.state_notes import StateNotes
 from manytouch.values import (
     Command,
     Comparison,
@@ -97,6 +98,7 @@ class Live:
         self._setups: BackgroundPreparation[Setup] = BackgroundPreparation(self._warm_up, self._refuse)
         self.meter = ThroughputMeter()
         self._recorder = SessionRecorder(job, recordings, self._commands.note)
+        self._state_notes = StateNotes(job.source, self._commands.note)
         self._record_path, self._begin = record, begin
         self._outputs: tuple[Output, ...] = ()
         self._is_held = False
@@ -138,8 +140,8 @@ class Live:
 
     @property
     def own_sinks(self) -> tuple[Sink, ...]:
-        """The outputs, the recorder, and the meter of rate and latency."""
-        return *self._outputs, self._recorder, self.meter
+        """The outputs, the recorder, the meter of rate and latency, and the notes on the source."""
+        return *self._outputs, self._recorder, self.meter, self._state_notes
 
     def attach(self, outputs: Sequence[Output]) -> None:
         """Pass readings to other programs too; call it before the session is run."""
@@ -203,8 +205,9 @@ class Live:
         switch_interval_s = sys.getswitchinterval()
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         replaceable = TrackedFrame if self._job.source.is_live else None
+        is_over = self._state_notes.checked(stop)
         self._stream = BackgroundIterator(
-            self._track(), ahead=AHEAD, stop=stop, replaceable=replaceable, thread_name="manytouch-track"
+            self._track(), ahead=AHEAD, stop=is_over, replaceable=replaceable, thread_name="manytouch-track"
         )
         with self._stream as stream:
             try:
@@ -388,8 +391,7 @@ class Live:
 
     def _use_prepared_setup(self) -> None:
         """Continue with the setup that is ready, if there is one."""
-        setup = self._setups.take()
-        if setup is not None:
+        if (setup := self._setups.take()) is not None:
             self._use(setup)
 
     def _use(self, setup: Setup) -> None:

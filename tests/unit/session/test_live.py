@@ -26,6 +26,7 @@ from manytouch.recording.messages import decode_session
 from manytouch.session import Live, ResultFiles, pipeline_for, prepare, run
 from manytouch.session.methods import parameters_of
 from manytouch.session.prepare import Job
+from manytouch.session.run import NoObserver
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sources import Capabilities
 from manytouch.sources.cameras.camera import CameraSource
@@ -484,7 +485,16 @@ class Textured(Driver):
 
 
 def test_a_camera_that_goes_and_comes_back_goes_on_and_is_let_go_at_the_end() -> None:
-    out = threading.Event()
+    class Messages(NoObserver):
+        """Keeps what a user reads on the terminal."""
+
+        def __init__(self) -> None:
+            self.sentences: list[str] = []
+
+        def on_message(self, sentence: str) -> None:
+            self.sentences.append(sentence)
+
+    messages, out = Messages(), threading.Event()
     drivers: list[Driver] = []
 
     def open_with(number: int | str, api: int) -> Driver:
@@ -508,8 +518,12 @@ def test_a_camera_that_goes_and_comes_back_goes_on_and_is_let_go_at_the_end() ->
             out.clear()
         return len(seen.readings) >= 16
 
-    run(live, [seen], stop=stop)
+    run(live, [seen], messages, stop)
     assert any("no image from camera-0" in word for word in reported)
+    assert [sentence for sentence in messages.sentences if "image" in sentence] == [
+        "no image from camera-0 since it was disconnected; retrying every 0.5 s",
+        "camera-0 gives images again",
+    ]
     assert live.health().source_state == "ok"
     indices = np.array([reading.frame.index for reading in seen.readings])
     assert live.health().dropped >= np.sum(np.diff(indices) - 1), "those before the first reading count too"
