@@ -84,6 +84,8 @@ calls = [
     lambda: manytouch.Frame(index=1, timestamp_ns="0", camera="mine", image=None),
     lambda: manytouch.Frame(index=1, timestamp_ns=float("nan"), camera="mine", image=None),
     lambda: manytouch.Frame(index=1, timestamp_ns=0, camera="mine", image=None, encoded="press.jpg"),
+    lambda: manytouch.Frame(index=1, timestamp_ns=0, camera="mine", image=None, arrived_ns="now"),
+    lambda: manytouch.Frame(index=1, timestamp_ns=0, camera=3, image=None),
     lambda: manytouch.sample(sensor, np.zeros(2), np.zeros(2)),
     lambda: manytouch.sample(surface, "left", np.zeros(1)),
     lambda: manytouch.sample(surface, np.zeros(3), np.zeros(2)),
@@ -133,6 +135,10 @@ assert np.array_equal(one.image, grey)
 assert (type(one.index), type(one.timestamp_ns)) == (int, int)
 third = manytouch.Frame(index=1, timestamp_ns=1e9 / 30, camera="mine", image=grey)
 assert (third.timestamp_ns, type(third.timestamp_ns)) == (33_333_333, int)
+buffer = bytearray(b"JPEG")
+fourth = replace(third, encoded=buffer, arrived_ns=np.float64(2.6))
+buffer[0] = 0
+assert (fourth.encoded, fourth.arrived_ns, type(fourth.arrived_ns)) == (b"JPEG", 3, int)
 sensor = manytouch.sensor_from_rest(frames, name="a", hfov_deg=np.float32(60.0))
 assert isinstance(sensor.camera.fx_px, float)
 assert request.roi_px == own.roi_px and repr(request.roi_px) == repr(own.roi_px)

@@ -6,7 +6,7 @@ import re
 import threading
 import time
 import typing
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -391,6 +391,40 @@ def test_a_disk_that_fills_up_ends_the_recording_and_nothing_else(
     again = Seen()
     run(Playback(path), [again])
     assert len(again.readings) >= kept - 5, "readings follow their frames"
+
+
+def recorded_with(path: Path, change: Callable[[Frame], Frame]) -> tuple[Recorder, Recording]:
+    """Frames, all of them changed, in a recording."""
+    job = prepare(Pictures(frames=20, is_jpeg=False))
+    recorder = Recorder(path, source=job.input_info)
+    recorder.describe(job.sensor, job.pipeline, job.method)
+    for frame in job.frames:
+        recorder.take(change(frame))
+    recorder.close()
+    return recorder, Recording(path)
+
+
+def test_a_frame_whose_image_has_no_pixels_does_not_end_the_recording(tmp_path: Path) -> None:
+    def without_pixels(frame: Frame) -> Frame:
+        return replace(frame, image=np.empty((0, 320), np.uint8)) if frame.index == 9 else frame
+
+    recorder, recording = recorded_with(tmp_path / "x.mcap", without_pixels)
+    assert recorder.ended == "recorded x.mcap; 20 frames were recorded"
+    assert [recording.frame(place).encoded is None for place in range(20)] == [k == 9 for k in range(20)]
+
+
+def test_a_camera_whose_name_is_no_unicode_is_recorded(tmp_path: Path) -> None:
+    _, recording = recorded_with(tmp_path / "x.mcap", lambda frame: replace(frame, camera="a\udcff"))
+    assert [recording.frame(place).camera for place in range(20)] == ["a?"] * 20
+
+
+def test_numbers_that_do_not_increase_are_stated(tmp_path: Path) -> None:
+    recorder, recording = recorded_with(
+        tmp_path / "x.mcap", lambda frame: replace(frame, index=frame.index % 15)
+    )
+    assert len(recording) == 15
+    assert recorder.ended is not None
+    assert "20 frames were recorded, 5 of them with numbers that are not larger" in recorder.ended
 
 
 def test_what_cannot_be_packed_ends_the_recording_in_words(

@@ -134,12 +134,13 @@ class RecordingWriter:
         """
         self._last_ns = frame.timestamp_ns
         log_ns = self._started_ns + frame.timestamp_ns
+        name = frame.camera.encode(errors="replace").decode()  # of a file it may be no Unicode
         if self._unwritten_camera is not None:
             camera, self._unwritten_camera = self._unwritten_camera, None
             for topic, describe in camera_messages(camera):
-                described = describe(camera, frame.camera, log_ns).SerializeToString()
+                described = describe(camera, name, log_ns).SerializeToString()
                 self._add(topic, described, log_ns, frame.index)
-        message = self._image(frame_id=frame.camera, data=encoded, format=suffix)
+        message = self._image(frame_id=name, data=encoded, format=suffix)
         message.timestamp.FromNanoseconds(log_ns)
         self._add(CAMERA, message.SerializeToString(), log_ns, frame.index)
 

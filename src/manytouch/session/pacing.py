@@ -4,6 +4,9 @@ import time
 from collections.abc import Callable
 
 LONGEST_SLEEP_S = 0.05  # between two checks whether to end; a choice
+LONGEST_STEP_NS = 60 * 10**9
+"""Between two frames, forwards or backwards, by choice: a larger one is a clock that was set, or a pause that
+nobody wants to wait for, and the frame after it is due at once."""
 
 
 class Pace:
@@ -29,6 +32,8 @@ class Pace:
 
     def wait_for(self, timestamp_ns: int, is_over: Callable[[], bool]) -> None:
         """Sleep until a frame of this timestamp is due, or `is_over` returns True."""
+        if self._latest_ns is not None and abs(timestamp_ns - self._latest_ns) > LONGEST_STEP_NS:
+            self.reset()
         if self._begin_s is None:
             self._begin_s, self._first_ns = time.monotonic(), timestamp_ns
         self._latest_ns = timestamp_ns

@@ -35,6 +35,7 @@ class Recorder:
         ended: None while recording, afterwards a sentence with the reason for the end.
         frames: number of recorded frames.
         lost: number of frames that were not recorded, because the disk was too slow.
+        repeated: number of recorded frames whose number is not larger than all before.
     """
 
     def __init__(self, path: Path, *, source: Mapping[str, Any], file: OutputFile | None = None) -> None:
@@ -52,9 +53,10 @@ class Recorder:
         require_mcap()
         self.path = path
         self.ended: str | None = None
-        self.frames = self.lost = 0
+        self.frames = self.lost = self.repeated = 0
         self._source = dict(source)
         self._from_index: int | None = None
+        self._largest_index = -1
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._queued_bytes = 0
         self._room = threading.Condition()
@@ -168,6 +170,8 @@ class Recorder:
             encoded, suffix = encode_frame(item[0])
             self._started_writer().frame(item[0], encoded, suffix)
             self.frames += 1
+            self.repeated += item[0].index <= self._largest_index
+            self._largest_index = max(self._largest_index, item[0].index)
         else:
             self._started_writer().session(*item)
 
@@ -223,8 +227,14 @@ class Recorder:
     def _set_ended(self, why: str) -> None:
         kept = f"{self.frames} frames were recorded"
         lost = f", {self.lost} were lost because the disk was too slow" if self.lost else ""
+        repeated = (
+            f", {self.repeated} of them with numbers that are not larger than all before: of frames with one "
+            "number only the first can be read"
+            if self.repeated
+            else ""
+        )
         with self._room:
-            self.ended = f"{why or f'recorded {self.path.name}'}; {kept}{lost}"
+            self.ended = f"{why or f'recorded {self.path.name}'}; {kept}{repeated}{lost}"
             self._room.notify_all()
 
 
@@ -286,10 +296,13 @@ def started_unix_ns(frame: Frame) -> int:
 
 
 def encode_frame(frame: Frame) -> tuple[bytes, str]:
-    """The encoded image of a frame as the camera sent it, else as PNG, and the format: "jpeg" or "png"."""
+    """The encoded image of a frame as the camera sent it, else as PNG, and the format: "jpeg" or "png".
+
+    There are no bytes of a frame without an image, or whose image has no pixels.
+    """
     if frame.encoded is not None:
         return frame.encoded, image_format(frame.encoded)
-    if frame.image is None:
+    if frame.image is None or frame.image.size == 0:
         return b"", "png"
     import cv2
 

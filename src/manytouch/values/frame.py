@@ -40,21 +40,24 @@ class Frame:
     __reduce__ = reduced
 
     def __post_init__(self) -> None:
-        """Check the members; a time is rounded, and an image of a single channel becomes grey.
+        """Check the members; times are rounded, and an image of a single channel becomes grey.
 
         Raises:
             ArgumentError: it has another type or another number of channels, or another member has a wrong
                 type.
             SourceError: the index is negative, or larger than `MAX_FRAME_INDEX`.
         """
-        index, time_ns = plain(self.index), plain(self.timestamp_ns)
-        if isinstance(time_ns, float) and math.isfinite(time_ns):
-            time_ns = round(time_ns)
+        index, time_ns, arrived_ns = plain(self.index), _rounded(self.timestamp_ns), _rounded(self.arrived_ns)
         require_type("the number of a frame", index, int, "a whole number")
         require_type("the time of a frame", time_ns, int, "a whole number of nanoseconds")
+        require_type("arrived_ns", arrived_ns, (int, NoneType), "a whole number of nanoseconds")
+        require_type("the camera of a frame", self.camera, str, "the name of its camera, a text")
         require_type("encoded", self.encoded, (bytes, bytearray, NoneType), "the bytes of a JPEG or PNG")
         object.__setattr__(self, "index", index)
         object.__setattr__(self, "timestamp_ns", time_ns)
+        object.__setattr__(self, "arrived_ns", arrived_ns)
+        if self.encoded is not None:  # a bytearray may change later
+            object.__setattr__(self, "encoded", bytes(self.encoded))
         if not 0 <= self.index <= MAX_FRAME_INDEX:
             raise SourceError(
                 f"a frame has the number {self.index}: give whole numbers from 0 to {MAX_FRAME_INDEX}"
@@ -77,6 +80,12 @@ class Frame:
         else:
             shown = f"{self.image.shape[1]} x {self.image.shape[0]} px, {self.image.dtype}"
         return f"Frame({self.index} of {self.camera!r}, {self.timestamp_ns * 1e-9:.3f} s, {shown})"
+
+
+def _rounded(time_ns: object) -> object:
+    """A time in whole nanoseconds; what is no finite number is unchanged."""
+    found = plain(time_ns)
+    return round(found) if isinstance(found, float) and math.isfinite(found) else found
 
 
 def _is_image(image: object) -> bool:

@@ -62,3 +62,13 @@ def test_the_next_frame_is_due_one_period_after_the_latest_one(clock: list[float
     pace.reset()
     pace.wait_for_next(25.0, lambda: False)
     assert clock[0] == pytest.approx(100.08), "without a rate, and after a pause, it is due at once"
+
+
+@pytest.mark.parametrize("jump", [10**6, 2**60, -(10**6)])
+def test_a_frame_after_a_jump_of_the_clock_is_due_at_once(jump: int, clock: list[float]) -> None:
+    frames = [0, 1, jump, jump + 1, jump + 2]
+    assert times(Pace(), clock, frames) == pytest.approx([100.0, 100.04, 100.04, 100.08, 100.12])
+
+
+def test_a_pause_of_ten_seconds_is_waited_for(clock: list[float]) -> None:
+    assert times(Pace(), clock, [0, 250]) == pytest.approx([100.0, 110.0])
