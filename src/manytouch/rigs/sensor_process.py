@@ -5,6 +5,7 @@ Contacts go to the first process, which is that of `run_rig`.
 
 import contextlib
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -158,6 +159,8 @@ def run_sensor(connection: Connection, rig_sensor: RigSensor, options: SensorOpt
     """Run one sensor until its source ends or SIGTERM; its failure is a message, and exit status 1."""
     stopped = threading.Event()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first process decides
+    if sys.platform != "win32":
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: stopped.set())
     threading.Thread(target=_end_with_the_first, args=(stopped,), daemon=True).start()
     try:

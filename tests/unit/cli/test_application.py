@@ -234,6 +234,19 @@ def test_the_first_ctrl_c_requests_a_stop_and_the_second_interrupts(capsys):
     assert "Ctrl-C again" in capsys.readouterr().err
 
 
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="there is no SIGHUP on Windows")
+@pytest.mark.parametrize("before", [signal.SIG_DFL, signal.SIG_IGN])
+def test_a_lost_terminal_ends_a_session_unless_it_is_to_be_ignored(before: signal.Handlers) -> None:
+    outer = signal.signal(signal.SIGHUP, before)
+    try:
+        with StopOnSignal() as stop:
+            signal.raise_signal(signal.SIGHUP)
+            assert stop() == StopOnSignal.is_terminated == (before == signal.SIG_DFL)
+        assert signal.getsignal(signal.SIGHUP) is before
+    finally:
+        signal.signal(signal.SIGHUP, outer)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_first_signal_ends_a_program_that_waits_for_its_camera(number, monkeypatch, capsys):
     def waits(*args, **options) -> None:
