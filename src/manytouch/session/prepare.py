@@ -28,6 +28,7 @@ from manytouch.session.run import OBSERVER, NoObserver, Observer, StopCondition
 from manytouch.session.warm_up import warm_up_for
 from manytouch.sources import Source, open_source
 from manytouch.sources.cameras.capture import CameraRequest
+from manytouch.sources.first_frames import first_frames
 from manytouch.sources.source import ASSUMED_FPS, close
 from manytouch.values import Frame, Reading, Roi, Sensor
 from manytouch.values.arrays import plain
@@ -326,7 +327,7 @@ def _determine_sensor(
     if device is not None:
         device.is_colour = True  # for the first frames, which show whether colour is needed
     frames = iter(source)
-    first = tuple(islice(frames, START_FRAMES))
+    first = first_frames(frames, START_FRAMES, device)
     if not first:
         raise SourceError(f"{text} contains no frame: give a video or images that show the dotted sheet")
     if given is not None and given.is_nominal:
@@ -342,12 +343,11 @@ def _determine_sensor(
         for _ in range(STILL_TRIES if source.is_live else 0):
             if is_still(found, len(first)):
                 break
-            first = tuple(islice(frames, START_FRAMES)) or first
+            first = first_frames(frames, START_FRAMES, device) or first
             found = sensor_from_rest(
                 first, name=source.name, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px
             )
-        if source.is_live:
-            found = with_doubt_of_start(found, len(first))
+        found = with_doubt_of_start(found, len(first)) if source.is_live else found
     if device is not None:
         device.is_colour = found.layout is not None and found.layout.colour_weights is not None
     return found, first, frames

@@ -54,10 +54,7 @@ class CameraSource:
         picture = None if first is None else decoded(self._frame(first, 0, 0), is_colour=False).image
         if picture is None:
             capture.release()
-            raise SourceError(
-                f"The camera {without_password(text)!r} opens but gives no image: try another size or "
-                "--no-mjpg, another cable or port, and close other programs that use it."
-            )
+            raise SourceError(_without_image(text))
         self._capture: Capture | None = capture
         self.height_px, self.width_px = map(int, picture.shape[:2])
         self.settings: tuple[Setting, ...] = capture.settings
@@ -112,6 +109,7 @@ class CameraSource:
     def __iter__(self) -> Iterator[Frame]:
         """Frames from now on, decoded in the thread that takes them, until `close`."""
         if self._thread is None:
+            self._arrived_ns = time.monotonic_ns()  # a silence counts from here
             self._thread = threading.Thread(target=self._run, name="manytouch-camera", daemon=True)
             self._thread.start()
         while (frame := self._next()) is not None:
@@ -270,4 +268,17 @@ def _not_opened(text: str) -> str:
     return (
         f"The camera {shown!r} does not open: check that it is connected, that no other program uses it and "
         "that this user may use it (on Linux: member of the group video); manytouch doctor lists the cameras."
+    )
+
+
+def _without_image(text: str) -> str:
+    shown = without_password(text)
+    if "://" in text:
+        return (
+            f"The stream {shown!r} opens but gives no image that can be decoded: check that a browser or VLC "
+            "shows it, and that its server has a camera."
+        )
+    return (
+        f"The camera {shown!r} opens but gives no image: try another size or --no-mjpg, another cable or "
+        "port, and close other programs that use it."
     )
