@@ -3,6 +3,7 @@
 import errno
 import json
 import re
+import sys
 import threading
 import time
 import typing
@@ -493,6 +494,16 @@ def test_an_error_at_the_end_of_a_recording_is_its_reason(
     run(live, [])
     assert any("no index: x.mcap ended" in note for note in live.health().notes)
     assert len(Recording(tmp_path / "x.mcap")) == 20
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="locks of Windows would keep readers out")
+def test_two_sessions_do_not_record_into_one_file(tmp_path: Path) -> None:
+    path = tmp_path / "x.mcap"
+    first = Recorder(path, source={})
+    with pytest.raises(OutputError, match="is being recorded by another session"):
+        Recorder(path, source={})
+    first.close()
+    Recorder(path, source={}).close()
 
 
 def test_a_recording_that_cannot_begin_is_one_sentence(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """A live session: frames at the pace of their source, and commands while it runs."""
 
-import sys
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -9,7 +8,7 @@ from pathlib import Path
 
 from manytouch.errors import ManytouchError
 from manytouch.pipeline import Output, Pipeline, Sink, TrackedFrame
-from manytouch.session.background_iterator import BackgroundIterator
+from manytouch.session.background_iterator import BackgroundIterator, short_turns
 from manytouch.session.commands.background_preparation import BackgroundPreparation
 from manytouch.session.commands.command_queue import CommandQueue
 from manytouch.session.commands.contact_id_offset import ContactIdOffset
@@ -60,9 +59,6 @@ from manytouch.values import (
 )
 
 AHEAD = 1  # frames that are tracked and wait for estimation
-SWITCH_INTERVAL_S = 5e-4
-"""Longest time for which one thread runs Python code while another waits for its turn. Python's default is
-5 ms: while a thread prepares a method, those of the frames would wait that long after each compiled call."""
 
 
 class Live:
@@ -202,19 +198,16 @@ class Live:
             self._begin_recording(self._record_path)
         if self._begin is not None:
             self._pace.begin(self._begin())
-        switch_interval_s = sys.getswitchinterval()
-        sys.setswitchinterval(SWITCH_INTERVAL_S)
         replaceable = TrackedFrame if self._job.source.is_live else None
         is_over = self._state_notes.checked(stop)
         self._stream = BackgroundIterator(
             self._track(), ahead=AHEAD, stop=is_over, replaceable=replaceable, thread_name="manytouch-track"
         )
-        with self._stream as stream:
+        with short_turns(), self._stream as stream:
             try:
                 yield from self._estimate(iter(stream))
             finally:
                 self.close()
-                sys.setswitchinterval(switch_interval_s)
 
     def close(self) -> None:
         """End the session and release the source."""

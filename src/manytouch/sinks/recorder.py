@@ -1,11 +1,14 @@
 """Records a session: frames when they arrive, readings when they are computed."""
 
 import errno
+import os
 import queue
 import shutil
+import sys
 import threading
 import time
 from collections.abc import Mapping
+from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -239,10 +242,24 @@ class Recorder:
 
 
 class UnbufferedFile:
-    """A file without a buffer: written data reach the operating system at once."""
+    """A file without a buffer: written data reach the operating system at once. One process writes it."""
 
     def __init__(self, path: Path) -> None:
-        self._raw = path.open("wb", buffering=0)
+        """Create the file, or empty one that no other session is writing.
+
+        Raises:
+            OutputError: another session has begun to record under this name.
+            OSError: it cannot be written.
+        """
+        self._raw = FileIO(path, "w", opener=lambda name, flags: os.open(name, flags & ~os.O_TRUNC, 0o666))
+        try:
+            _lock(self._raw)
+        except BlockingIOError as error:
+            self._raw.close()
+            raise OutputError(
+                f"{str(path)!r} is being recorded by another session: record under another name"
+            ) from error
+        self._raw.truncate(0)
 
     def write(self, data: bytes) -> int:
         """Write all of the data."""
@@ -265,6 +282,23 @@ class UnbufferedFile:
     def close(self) -> None:
         """Close the file."""
         self._raw.close()
+
+
+def _lock(file: FileIO) -> None:
+    """Lock a file until it is closed, where the system and the file system can without hindering readers.
+
+    Raises:
+        BlockingIOError: another process has locked it.
+    """
+    if sys.platform != "win32":
+        import fcntl
+
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise
+        except OSError:
+            return  # a network disk without locks
 
 
 def _require_time(frame: Frame) -> None:

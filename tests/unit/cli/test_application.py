@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -232,6 +233,19 @@ def test_the_first_ctrl_c_requests_a_stop_and_the_second_interrupts(capsys):
             signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is before
     assert "Ctrl-C again" in capsys.readouterr().err
+
+
+def test_a_command_can_be_called_in_a_thread() -> None:
+    found: list[bool] = []
+
+    def call() -> None:
+        with StopOnSignal() as stop:
+            found.append(stop())
+
+    thread = threading.Thread(target=call)
+    thread.start()
+    thread.join()
+    assert found == [False]
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="there is no SIGHUP on Windows")

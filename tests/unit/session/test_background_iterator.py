@@ -1,12 +1,13 @@
 """Items in order from a thread that waits for its consumer, or replaces those that wait by newer ones."""
 
+import sys
 import threading
 import time
 from collections.abc import Iterator
 
 import pytest
 
-from manytouch.session.background_iterator import BackgroundIterator
+from manytouch.session.background_iterator import BackgroundIterator, short_turns
 from waiting import wait_until
 
 
@@ -104,3 +105,14 @@ def test_leaving_the_block_ends_a_thread_that_waits() -> None:
     with BackgroundIterator(iter(range(100)), ahead=1) as stream:
         assert next(iter(stream)) == 0
     assert not any(thread.name == "manytouch-track" for thread in threading.enumerate())
+
+
+def test_turns_are_as_before_when_the_last_of_several_sessions_has_ended() -> None:
+    before_s = sys.getswitchinterval()
+    first, second = short_turns(), short_turns()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert sys.getswitchinterval() < before_s
+    second.__exit__(None, None, None)
+    assert sys.getswitchinterval() == before_s

@@ -4,6 +4,7 @@ completed."""
 import os
 import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType, TracebackType
@@ -17,7 +18,8 @@ HANG_UP: int | None = None if sys.platform == "win32" else signal.SIGHUP
 class StopOnSignal:
     """Within its block Ctrl-C, SIGTERM or SIGHUP requests a stop; a second Ctrl-C raises KeyboardInterrupt.
 
-    Calling it returns whether a stop is requested. A SIGHUP that is ignored, as with nohup, stays so.
+    Calling it returns whether a stop is requested. A SIGHUP that is ignored, as with nohup, stays so. In
+    another thread than the main one, its block changes nothing.
 
     Attributes:
         is_terminated: whether SIGTERM or SIGHUP has requested a stop in this process, whose exit status is
@@ -46,6 +48,8 @@ class StopOnSignal:
 
     def __enter__(self) -> "StopOnSignal":
         StopOnSignal.is_terminated = False
+        if threading.current_thread() is not threading.main_thread():
+            return self  # which alone gets signals
         self._terminals = [each for each in (1, 2) if os.isatty(each)]
         for number in (signal.SIGINT, signal.SIGTERM):
             self._previous[number] = signal.signal(number, self._note)
