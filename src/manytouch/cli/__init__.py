@@ -88,8 +88,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(_overview(shutil.get_terminal_size().columns))
         return 0
     gc.set_threshold(OBJECTS_PER_COLLECTION, 10, 10)
-    from manytouch.cli.application import run
-
+    try:
+        from manytouch.cli.application import run
+    except KeyboardInterrupt:  # importing takes a tenth of a second
+        print("stopped", file=sys.stderr)
+        return 0
     return run(words)
 
 

@@ -261,6 +261,20 @@ def test_a_lost_terminal_ends_a_session_unless_it_is_to_be_ignored(before: signa
         signal.signal(signal.SIGHUP, outer)
 
 
+def test_a_program_that_is_interrupted_while_it_is_imported_has_no_traceback(monkeypatch, capsys):
+    class Interrupting:
+        """Finds no module, as Ctrl-C comes first."""
+
+        def find_spec(self, name: str, *_: object) -> None:
+            if name == "manytouch.cli.application":
+                raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "manytouch.cli.application")
+    monkeypatch.setattr(sys, "meta_path", [Interrupting(), *sys.meta_path])
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().err == "stopped\n"
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_first_signal_ends_a_program_that_waits_for_its_camera(number, monkeypatch, capsys):
     def waits(*args, **options) -> None:
