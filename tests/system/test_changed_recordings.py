@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 import manytouch
+from manytouch.values import Roi
 from results import Tracks, rows_of
 
 Change = Callable[[np.ndarray], np.ndarray]
+REGIONS = {"left": Roi(58, 102, 238, 216), "right": Roi(308, 96, 232, 212)}
 
 
 def grey(image: np.ndarray) -> np.ndarray:
@@ -73,3 +75,15 @@ def test_a_transparent_skin_from_any_frame_on(recordings: Path, tmp_path: Path, 
     tracks = Tracks.read(folder)
     assert 23 <= tracks.is_seen.shape[1] <= 26
     assert tracks.is_seen.mean() >= 0.97
+
+
+@pytest.mark.parametrize("side", ["left", pytest.param("right", marks=pytest.mark.slow)])
+def test_dots_in_a_mirror_from_a_pressed_picture_on(recordings: Path, tmp_path: Path, side: str) -> None:
+    """Pictures far apart in time: the dots move between all of the first ones."""
+    pictures = tmp_path / "pictures"
+    pictures.mkdir()
+    for path in sorted((recordings / "vts4" / "0507").iterdir())[12:60]:
+        (pictures / path.name).symlink_to(path)
+    tracks = Tracks.read(manytouch.process(pictures, out=tmp_path, roi_px=REGIONS[side]))
+    assert 56 <= tracks.is_seen.shape[1] <= 64
+    assert tracks.is_seen[10:].mean() > 0.95  # before, the shift may be ambiguous

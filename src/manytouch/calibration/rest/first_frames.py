@@ -96,10 +96,31 @@ def find_rest_dots(
     width, height = image_size(few, roi_px)
     sensor = _sensor_for_search(surveyed_dots, surveyed.appearance, width, height)
     dots_by_size = merge_rest_dots(detect_in_frames(sensor, few, roi_px))
-    rest_frames = {few[k].index for k in dots_by_size.frames}
-    is_same_time = surveyed.frame_index in rest_frames or not rest_frames
+    at_rest = [few[k] for k in dots_by_size.frames]
+    is_same_time = surveyed.frame_index in {frame.index for frame in at_rest} or not at_rest
     dots = confirm_rest_dots(dots_by_size, surveyed_dots, is_same_time=is_same_time)
+    if not is_same_time:
+        dots = _confirmed_at_rest(dots_by_size, dots, at_rest, surveyed.appearance.polarity, roi_px)
     return surveyed.appearance, dots, surveyed.notes
+
+
+def _confirmed_at_rest(
+    by_size: RestDots, confirmed: RestDots, at_rest: Sequence[Frame], polarity: Polarity, roi_px: Roi | None
+) -> RestDots:
+    """The rest dots that a survey of the rest frames confirms, if more than are `confirmed`.
+
+    Dots that moved by half a spacing from the surveyed frame to the rest frames are not recognised.
+    """
+    from manytouch.detection import survey
+
+    try:
+        again = survey(at_rest, roi_px=roi_px)
+    except LayoutError:
+        return confirmed
+    known = merge_rest_dots([again.detections])
+    if again.appearance.polarity != polarity or len(known.centre_px) <= len(confirmed.centre_px):
+        return confirmed
+    return confirm_rest_dots(by_size, known, is_same_time=True)
 
 
 def _sparse_appearance(polarity: Polarity, dots: RestDots) -> "Appearance":
