@@ -87,3 +87,17 @@ def test_dots_in_a_mirror_from_a_pressed_picture_on(recordings: Path, tmp_path: 
     tracks = Tracks.read(manytouch.process(pictures, out=tmp_path, roi_px=REGIONS[side]))
     assert 56 <= tracks.is_seen.shape[1] <= 64
     assert tracks.is_seen[10:].mean() > 0.95  # before, the shift may be ambiguous
+
+
+@pytest.mark.parametrize("degrees", [30.0, pytest.param(90.0, marks=pytest.mark.slow)])
+def test_rings_of_dots_turned(recordings: Path, tmp_path: Path, degrees: float) -> None:
+    """All that a picture shows is at rest in it: nearly every marker is seen."""
+    image = cv2.imread(str(recordings / "single" / "simtacls_bot.jpg"))
+    middle = (image.shape[1] - 1) / 2, (image.shape[0] - 1) / 2
+    turn = cv2.getRotationMatrix2D(middle, degrees, 1.0)
+    size = image.shape[1], image.shape[0]
+    path = tmp_path / "turned.png"
+    cv2.imwrite(str(path), cv2.warpAffine(image, turn, size, borderMode=cv2.BORDER_REPLICATE))
+    folder = manytouch.process(path, out=tmp_path)
+    assert rows_of(folder / "frames.csv")[0]["status"] == "ok"
+    assert Tracks.read(folder).is_seen.mean() > 0.9

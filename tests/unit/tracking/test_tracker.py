@@ -85,6 +85,19 @@ def test_markers_at_rest_are_all_seen():
     assert_array_equal(grid.frames_unseen, 0)
 
 
+@pytest.mark.parametrize("gap", [1.0, 2.0, 2.2])
+def test_markers_beyond_a_gap_are_seen_in_the_first_frame_and_after_a_blackout(gap):
+    """Spokes of a ring, or two fields of dots, have neighbours, but no adjacent ones, beyond a gap."""
+    left = rectangle(8, 6)
+    rest = np.concatenate([left, left + np.array([(5.0 + gap) * PITCH, 0.0])])
+    sequence = sequence_of(rest)
+    assert sequence.show(rest).is_seen.all()
+    sequence.show(rest, np.zeros(len(rest), dtype=bool))
+    grid = sequence.show(rest + press(rest, rest.mean(axis=0), 0.1 * PITCH, 4.0 * PITCH))
+    assert grid.is_seen.all()
+    assert sequence.wrong == 0
+
+
 @pytest.mark.parametrize("step", [0.0, 0.25, 0.5])
 def test_hiding_another_half_of_the_dots_in_each_frame_loses_few_visible_ones(step):
     rest = rectangle(22, 30, (25.0, 25.0))

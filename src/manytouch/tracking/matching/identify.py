@@ -284,15 +284,19 @@ def _drop_discontinuities(
     assignment: Assignment,
     workspace: Workspace,
 ) -> None:
-    """Drops folded corners, and all nodes that are not connected with most of the others."""
-    rest, last, displacement = graph.rest_px, state.position_px, assignment.displacement_px
+    """Drops folded corners, and all nodes that are not connected with most of the others.
+
+    Nodes that are not adjacent are connected by their motions since the frame before or, where it showed no
+    markers, since rest.
+    """
+    rest, displacement = graph.rest_px, assignment.displacement_px
     drop_folded(centre_px, graph, assignment, workspace.error_ratio)
-    motion = workspace.position_px
-    known = len(last) if state.is_consecutive else 0
-    for k in range(known):
-        motion[k, 0] = rest[k, 0] + displacement[k, 0] - last[k, 0]
-        motion[k, 1] = rest[k, 1] + displacement[k, 1] - last[k, 1]
-    keep_largest_set(len(rest), graph, assignment, IDENTIFICATION.discontinuity, motion[:known], workspace)
+    markers, motion = len(state.position_px), workspace.position_px
+    before = state.position_px if state.is_consecutive else rest
+    for k in range(markers):
+        motion[k, 0] = rest[k, 0] + displacement[k, 0] - before[k, 0]
+        motion[k, 1] = rest[k, 1] + displacement[k, 1] - before[k, 1]
+    keep_largest_set(len(rest), graph, assignment, IDENTIFICATION.discontinuity, motion[:markers], workspace)
 
 
 @kernel()
