@@ -14,6 +14,10 @@ from manytouch.values.arrays import Counts, Points2, Scalars, read_only
 _GATE_SPACINGS = 0.35  # distance within which two dots are the same, in spacings of the dots
 _MAX_ADDED_SHARE = 0.15
 """Dots that only the search by size finds, over those of the survey; of more, none counts."""
+_AROUND = 9  # a dot and its eight neighbours on a lattice
+_FEWEST_AGREE = 0.25
+"""Share of the frames below which those that agree are no rest: a choice, as dots that move all the time are
+nearly at the same place in two or three frames."""
 _OUTLINE_FACTOR = 1.03  # by which the outline of the surveyed dots is enlarged about their mean
 
 
@@ -43,7 +47,9 @@ class RestDots:
 def merge_rest_dots(detections: Sequence[Detections]) -> RestDots:
     """Merge the dots of the frames that agree with one frame.
 
-    That is the earliest one with which at least 60 % as many frames agree as with any other.
+    That is the earliest one with which at least 60 % as many frames agree as with any other. Where fewer than
+    a quarter of the frames agree with any, the dots move all the time; it is then the one with the most
+    evenly spaced dots, since a touch spreads the dots at one place and contracts them next to it.
 
     Frames with a bad status are left out unless there is no other. A dot counts when at least two
     fifths of the group's frames show it.
@@ -56,9 +62,23 @@ def merge_rest_dots(detections: Sequence[Detections]) -> RestDots:
     agrees = _agreement_of_frames(centres)
     sizes = agrees.sum(axis=1)
     chosen = int(np.argmax(sizes >= 0.6 * sizes.max()))
+    if sizes.max() < _FEWEST_AGREE * len(usable):
+        chosen = int(np.argmin([_unevenness(each) for each in centres]))
     group = np.flatnonzero(agrees[chosen])
     frames = tuple(usable[k] for k in group)
     return _merge([detections[k] for k in frames], frames, moved=bool(len(group) < 0.8 * len(usable)))
+
+
+def _unevenness(centre_px: np.ndarray) -> float:
+    """Usual difference between the spacing at a dot and that around it, in logarithms; inf for few dots.
+
+    A median: some of the dots that a search by size finds are glints.
+    """
+    if len(centre_px) < _AROUND:
+        return float("inf")
+    distance, index = cKDTree(centre_px).query(centre_px, k=_AROUND)
+    spacing = np.log(np.maximum(distance[:, 1:5].mean(axis=1), 1e-9))
+    return float(np.median(np.abs(spacing - np.median(spacing[index], axis=1))))
 
 
 def confirm_rest_dots(still: RestDots, known: RestDots, *, is_same_time: bool) -> RestDots:

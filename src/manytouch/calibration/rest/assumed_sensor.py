@@ -231,7 +231,12 @@ def _assumptions(
     sentences.append(
         f"The sheet is {THICKNESS_PITCHES} pitches thick and extends one pitch beyond its outermost markers."
     )
-    if still.moved:
+    if still.moved and len(still.frames) == 1:
+        sentences.append(
+            "The sheet is at rest in the early frame in which its markers are most evenly spaced. They move "
+            "between all of the early frames, so this is doubtful: begin the recording untouched."
+        )
+    elif still.moved:
         sentences.append(
             f"The sheet is at rest in the {len(still.frames)} early frames in which the dots do not move."
         )

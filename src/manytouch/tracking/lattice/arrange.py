@@ -15,7 +15,7 @@ from manytouch.values.arrays import Mask, Points2, read_only
 _LEAST_MEMBERS = 0.6  # share of the dots that belong to the lattice
 _LEAST_FILL = 2 / 3  # share of the places of the rectangle that have dots
 _LEAST_BORDER = 1 / 3  # share of the places of a border line that have whole dots
-_MOST_TRIMMED = 0.06  # share of the whole dots that the removal of border lines may cost
+_MOST_TRIMMED = 0.06  # share of the whole dots that the removal of border lines or strays may cost
 _MOST_OUTSIDE = 0.1  # share of the places of the rectangle that are empty beyond the outline of the dots
 _BAND_GAP = 0.25  # gap between rings or lines of dots, in spacings
 _ODD_ANGLE_RAD = 0.1  # no symmetric pattern has two rows as far from this direction
@@ -60,22 +60,26 @@ def arrange(centre_px: Points2, is_cut: Mask) -> Arrangement:
       table then has all dots that are not cut, or all if fewer than three of them are whole;
     - the lattice fills less than two thirds of its rectangle, the rectangle is a single line, or more than a
       tenth of it is empty beyond the outline of the dots (cut corners); the table then has the members that
-      are not cut.
+      are not cut, or all dots that are not cut if more than two whole ones and more than 6 % of them are no
+      members: strays are fewer, and a lattice need not reach all dots of a pressed sheet.
 
     Args:
         centre_px: (n, 2) at least one dot.
         is_cut: (n,) dots that the image's border cuts.
     """
     lattice = find_lattice(centre_px)
+    is_whole = ~is_cut
+    whole = np.flatnonzero(is_whole)
     if lattice is None or lattice.is_closed or lattice.is_member.sum() < _LEAST_MEMBERS * len(centre_px):
-        return _table(
-            centre_px, None, np.flatnonzero(~is_cut) if (~is_cut).sum() >= 3 else np.arange(len(centre_px))
-        )
+        return _table(centre_px, None, whole if len(whole) >= 3 else np.arange(len(centre_px)))
     whole_grid = _choose_grid(lattice, centre_px, is_cut)
     grid = _trim(whole_grid, is_cut)
     fill = (grid >= 0).mean()
     if fill < _LEAST_FILL or min(grid.shape) < 2 or _count_outside(grid) > _MOST_OUTSIDE * grid.size:
-        return _table(centre_px, whole_grid, np.flatnonzero(lattice.is_member & ~is_cut))
+        members = np.flatnonzero(lattice.is_member & is_whole)
+        if len(whole) - len(members) > max(2, _MOST_TRIMMED * len(whole)):
+            return _table(centre_px, None, whole)
+        return _table(centre_px, whole_grid, members)
     rows, columns = np.indices(grid.shape)
     position = _fill_gaps(grid, centre_px)
     return Arrangement(

@@ -100,3 +100,16 @@ def test_rings_are_a_table_in_a_stable_order():
         order = rng.permutation(80)
         again = arrange(points[order] + rng.normal(0.0, 0.3, points.shape), nothing_cut(points))
         np.testing.assert_array_equal(order[again.dot], first.dot)
+
+
+@pytest.mark.parametrize(("beyond", "kept"), [(1, 0), (2, 0), (8, 8), (12, 12)])
+def test_a_table_leaves_out_strays_but_no_part_of_the_pattern(beyond, kept):
+    """A gap that no lattice crosses, as next to a deep press, is between two parts of a triangle of dots."""
+    points = grid_px(11, 11)
+    row, column = np.indices((11, 11)).reshape(2, -1)
+    triangle = points[row + column <= 10]
+    part = grid_px(4, 3)[:beyond] + np.array([500.0, 17.0])
+    every = np.concatenate([triangle, part])
+    found = arrange(every, nothing_cut(every))
+    assert found.row_column is None
+    assert len(found.dot) == len(triangle) + kept
