@@ -1,5 +1,6 @@
 """Recordings of other people's sensors, turned, with other light or begun later: results change little."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -105,3 +106,15 @@ def test_rings_of_dots_turned(recordings: Path, tmp_path: Path, degrees: float) 
     folder = manytouch.process(path, out=tmp_path)
     assert rows_of(folder / "frames.csv")[0]["status"] == "ok"
     assert Tracks.read(folder).is_seen.mean() > 0.9
+
+
+@pytest.mark.slow
+def test_views_in_two_mirrors_are_named(recordings: Path, tmp_path: Path) -> None:
+    """Without a region of interest, a sentence names one for each mirror."""
+    first = sorted((recordings / "vts4" / "0507").iterdir())[0]
+    summary = json.loads((manytouch.process(first, out=tmp_path) / "summary.json").read_text())
+    sentence = next(each for each in summary["assumptions"] if "2 groups" in each)
+    for text, expected in zip(sentence.split("--roi ")[1:], REGIONS.values(), strict=True):
+        x, y, width, height = map(int, text.replace(".", " ").split()[0].split(","))
+        inside = np.array([x + width / 2, y + height / 2]) - [expected.x_px, expected.y_px]
+        assert ((inside > 0) & (inside < [expected.width_px, expected.height_px])).all()

@@ -20,6 +20,7 @@ from manytouch.calibration.rest.local_bulge import PRESSED_PITCHES, bulge_in_pit
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
 from manytouch.calibration.rest_dots import RestDots
+from manytouch.calibration.separate_groups import separate_regions
 from manytouch.errors import SensorError, require_type
 from manytouch.geometry.camera import onto_plane
 from manytouch.limits import LARGEST_NUMBER
@@ -117,6 +118,8 @@ def sensor_from_dots(
         colour_weights=colour_weights,
     )
     noise = still.noise_px[np.isfinite(still.noise_px)]
+    shown_px = arrangement.centre_px[arrangement.dot >= 0]
+    regions = separate_regions(shown_px, width_px, height_px) if roi_px is None else ()
     sensor = Sensor(
         name=name,
         camera=camera,
@@ -124,7 +127,7 @@ def sensor_from_dots(
         sheet=assumed_sheet(layout),
         scale_is_known=pitch_mm is not None,
         centre_noise_px=float(np.median(noise)) if len(still.frames) >= 5 and len(noise) else None,
-        assumptions=tuple(_assumptions(arrangement, still, pitch_mm, hfov_deg)),
+        assumptions=tuple(_assumptions(arrangement, still, pitch_mm, hfov_deg, regions)),
         provenance={
             "made_by": "manytouch",
             "from": "first frames at rest",
@@ -208,6 +211,7 @@ def _assumptions(
     still: RestDots,
     pitch_mm: float | tuple[float, float] | None,
     hfov_deg: float | None,
+    regions: tuple[Roi, ...],
 ) -> list[str]:
     """One sentence for each property that the frames do not determine."""
     sentences = ["The camera has no lens distortion and looks straight at the sheet."]
@@ -244,6 +248,12 @@ def _assumptions(
         first = "frame" if len(still.frames) == 1 else f"{len(still.frames)} frames"
         sentences.append(f"The sheet is at rest in the first {first}.")
     sentences += _shape_assumptions(arrangement)
+    if len(regions) > 1:
+        listed = " and ".join(f"--roi {','.join(map(str, region))}" for region in regions)
+        sentences.append(
+            f"The markers are in {len(regions)} groups that are apart, such as views of a sheet in mirrors. "
+            f"Groups that move differently lose markers: process each by itself, with {listed}."
+        )
     return sentences
 
 
