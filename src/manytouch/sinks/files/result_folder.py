@@ -22,8 +22,8 @@ REMOVALS = 40
 LONGEST_LABEL = 200  # bytes of a name that still has room for the suffixes
 END_BYTES, END_SHARE = 8 * 2**20, 0.01
 """What completing the files of a session takes at most, as a constant and a share of what is written: the
-last row groups of the tables, of which that of the regions is the largest (about 5 MB), and the lists of row
-groups (0.1 %, about 1 kB per group of 1 MB)."""
+last row groups of the tables, of which that of the regions is the largest (8192 outlines of 48 points, 0.5 kB
+each, 4 MB), and the lists of row groups (by estimate 1 kB per group of 1 MB)."""
 CHECK_INTERVAL = 30  # readings; a choice: a second of most cameras
 
 
