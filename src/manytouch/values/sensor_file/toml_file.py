@@ -18,13 +18,14 @@ from manytouch.limits import (
     MAX_TOML_VALUES,
 )
 
-# Comments and strings (TOML 1.0); what follows a string without end is no more parsed by tomllib either.
+# Comments and strings (TOML 1.0); what follows a string without end is no more parsed by tomllib either. No
+# possessive quantifiers: those of groups match wrongly before Python 3.11.5 (its issue gh-106052).
 _NO_SYNTAX = re.compile(
-    r"#[^\n]*+"
-    r'|"""(?:[^"\\]++|\\[\s\S]|"(?!""))*+"{3,5}+'
-    r"|'''(?:[^']++|'(?!''))*+'{3,5}+"
-    r'|"(?!"")(?:[^"\\\n]++|\\.)*+"'
-    r"|'(?!'')[^'\n]*+'"
+    r"#[^\n]*"
+    r'|"""[^"\\]*(?:(?:\\[\s\S]|"(?!""))[^"\\]*)*"{3,5}'
+    r"|'''[^']*(?:'(?!'')[^']*)*'{3,5}"
+    r'|"(?!"")[^"\\\n]*(?:\\.[^"\\\n]*)*"'
+    r"|'(?!'')[^'\n]*'"
     r"|[\"'][\s\S]*"
 )
 _NAME = np.zeros(256, dtype=np.bool_)
