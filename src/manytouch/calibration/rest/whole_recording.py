@@ -246,10 +246,16 @@ def _least_pressed(
 
 
 def _median(position_px: Float64[np.ndarray, "f m 2"]) -> Points2:
-    """(m, 2) medians over frames; NaN for a marker that none shows."""
+    """(m, 2) medians over frames without their shifts as a whole; NaN for a marker that none shows.
+
+    The view of the frames is the same but for that: else medians of frames before and after the camera has
+    moved would be those of the frames between, which may be pressed.
+    """
     seen = np.isfinite(position_px[..., 0]).any(axis=0)
     middle = np.full(position_px.shape[1:], np.nan)
-    middle[seen] = np.nanmedian(position_px[:, seen], axis=0)
+    shift = np.nanmedian(position_px[:, seen] - np.nanmedian(position_px[:, seen], axis=0), axis=1)
+    shift -= np.median(shift, axis=0)
+    middle[seen] = np.nanmedian(position_px[:, seen] - shift[:, None], axis=0)
     return middle
 
 

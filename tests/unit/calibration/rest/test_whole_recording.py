@@ -87,6 +87,16 @@ def test_a_moment_of_a_slow_press_is_no_rest() -> None:
     assert found.doubt is None
 
 
+def test_a_weak_press_during_which_the_camera_moves_is_no_rest() -> None:
+    """It moves markers by less than what counts as motion, and its frames are between those of both views."""
+    weak, moved = 0.04 * GRIP, np.array([1.5, 0.0])
+    found = settled([(GRIP, 6), (FREE, 14), (weak, 6), (weak + moved, 6), (FREE + moved, 14)], GRIP)
+    assert found.sensor.layout is not None
+    assert found.sensor.layout.rest_px is not None
+    away_px = found.sensor.layout.rest_px - REST_PX
+    np.testing.assert_allclose(away_px, np.median(away_px, axis=0) + FREE, atol=1.5 * NOISE_PX)
+
+
 def test_a_sheet_that_never_rests_makes_the_rest_doubtful() -> None:
     found = settled([(share * GRIP, 1) for share in np.linspace(0.0, 6.0, 60)], FREE)
     assert found.doubt is RestDoubt.NEVER_STILL
