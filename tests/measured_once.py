@@ -33,5 +33,6 @@ def _digest(frame: Frame) -> object:
 @contextmanager
 def layouts_measured_once() -> Iterator[None]:
     """While it lasts, `prepare` measures layouts once."""
-    with mock.patch.object(import_module("manytouch.session.prepare"), "sensor_from_rest", _measured):
+    module = import_module("manytouch.session.sensors.determine_sensor")
+    with mock.patch.object(module, "sensor_from_rest", _measured):
         yield

@@ -10,10 +10,12 @@ commands, or a `Playback` of a recording. Formats of files and the viewer are in
 from manytouch.session.live import Live
 from manytouch.session.methods import METHODS, kernels, pipeline_for
 from manytouch.session.playback import Playback
-from manytouch.session.prepare import START_FRAMES, Job, prepare, require_region
+from manytouch.session.prepare import Job, prepare
 from manytouch.session.result_hashes import Pitch, Request, request_hashes
 from manytouch.session.results import RESULTS, ResultFiles, process, process_job, result_name
 from manytouch.session.run import Observer, Readings, StopCondition, run
+from manytouch.session.sensors.determine_sensor import START_FRAMES
+from manytouch.session.sensors.source_checks import require_region
 
 __all__ = [
     "METHODS",

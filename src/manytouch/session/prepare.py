@@ -1,19 +1,14 @@
 """Opens an input, determines its sensor and selects the pipeline that processes it."""
 
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
-from itertools import chain, islice
+from itertools import chain
 from numbers import Integral
 from pathlib import Path
 from types import NoneType
 from typing import Any
 
 from manytouch.blas_threads import limit_blas_threads
-from manytouch.calibration import register_rest, rest_of_recording, sensor_from_rest
-from manytouch.calibration.outline.pad_outline import pad_of
-from manytouch.calibration.rest.adapt_nominal import register_nominal
-from manytouch.calibration.rest.whole_recording import is_still, with_doubt_of_start, with_unrelated_pictures
 from manytouch.errors import ManytouchError, SensorError, SourceError, require_type, without_password
 from manytouch.pipeline import Pipeline, Sink
 from manytouch.session.methods import (
@@ -25,10 +20,10 @@ from manytouch.session.methods import (
 )
 from manytouch.session.result_hashes import Pitch, Request
 from manytouch.session.run import OBSERVER, NoObserver, Observer, StopCondition
+from manytouch.session.sensors.determine_sensor import determine_sensor
 from manytouch.session.warm_up import warm_up_for
 from manytouch.sources import Source, open_source
 from manytouch.sources.cameras.capture import CameraRequest
-from manytouch.sources.first_frames import first_frames
 from manytouch.sources.source import ASSUMED_FPS, close
 from manytouch.values import Frame, Reading, Roi, Sensor
 from manytouch.values.arrays import plain
@@ -36,10 +31,7 @@ from manytouch.values.display.text import count_of
 from manytouch.values.images.roi import require_roi
 from manytouch.values.sensor_file import load_sensor
 
-START_FRAMES = 15  # the first ones, which show the sensor and its rest positions
 INPUT = "the path of a video or image, the number of a camera, or what manytouch.open_source returns"
-SPREAD_FRAMES = 16
-STILL_TRIES = 8  # times `START_FRAMES`, for a live source to be still at its start
 UNKNOWN_PRETENSION = (
     "The pretension of the sheet is estimated from what presses it, since its file does not state both "
     "pretension_N_per_mm and young_MPa; the standard deviations of forces contain that of the estimate "
@@ -213,44 +205,36 @@ def prepare(
     if given is not None and (pitch_mm is not None or hfov_deg is not None):
         what = f"the sensor {given.name!r} already states pitch and camera"
         raise SensorError(f"{what}: give either a sensor file or --pitch-mm and --hfov-deg")
+    on_message = None if observer is None else observer.on_message
     source, text = _open(input, fps, _with_size(camera, given))
     timeline = source.capabilities.seek
-    if observer is not None and timeline is not None and timeline.warning is not None:
-        observer.on_message(timeline.warning)
+    if on_message is not None and timeline is not None and timeline.warning is not None:
+        on_message(timeline.warning)
     try:
         known = source.capabilities.sensor if given is None else given
         if given is not None or known is None:
-            chosen = method or (DEFAULT if known is None else default_method(known))
-            warm_up_for(chosen, known, None if observer is None else observer.on_message)
-        spread = partial(spread_frames, source) if whole_recording and can_be_read_twice(source) else None
-        found, first, frames = _determine_sensor(
-            source, text, given, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px, spread=spread
+            warm_up_for(method or (DEFAULT if known is None else default_method(known)), known, on_message)
+        started = determine_sensor(
+            source,
+            text,
+            given,
+            pitch_mm=pitch_mm,
+            hfov_deg=hfov_deg,
+            roi_px=roi_px,
+            whole_recording=whole_recording,
+            on_message=on_message,
         )
-        is_unrelated = source.capabilities.is_images and source.fps is None  # a rate makes pictures a series
-        if spread is not None and known is None and is_unrelated:
-            found = with_unrelated_pictures(found, spread(), roi_px)
-        elif spread is not None and not is_unrelated and _may_begin_pressed(given, known):
-            if observer is not None:
-                observer.on_message("reading the whole recording once, for the rest positions of its markers")
-            settled = rest_of_recording(found, source, frame_count=source.frame_count, roi_px=roi_px)
-            # a calibrated file promises a recording that begins at rest: only a clear result corrects that
-            found = found if settled.doubt is not None and _is_calibrated_pad(given) else settled.sensor
-        chosen = method or default_method(found)
-        require_method_for(found, chosen)
+        chosen = method or default_method(started.sensor)
+        require_method_for(started.sensor, chosen)
     except BaseException:
         close(source)
         raise
-    assumed = [UNKNOWN_PRETENSION] if _estimates_pretension(found, chosen) else []
-    if source.fps is None and not source.is_live and source.frame_count != 1:
-        assumed.append(NO_RATE)
-    if new := [sentence for sentence in assumed if sentence not in found.assumptions]:
-        found = replace(found, assumptions=(*found.assumptions, *new))
     return Job(
         text=text,
         source=source,
-        frames=frames if source.is_live else chain(first, frames),
-        samples=first[:2],
-        sensor=found,
+        frames=started.frames if source.is_live else chain(started.first, started.frames),
+        samples=started.first[:2],
+        sensor=_with_assumptions(started.sensor, source, chosen),
         pipeline=pipeline_for(chosen, roi_px, parameters),
         method=chosen,
         roi_px=roi_px,
@@ -266,34 +250,13 @@ def prepare(
     )
 
 
-def require_region(source: Source, text: str, roi_px: Roi | None) -> None:
-    """Check that a region is inside the images of a source.
-
-    Raises:
-        SourceError: it is not.
-    """
-    if roi_px is not None and source.width_px is not None and source.height_px is not None:
-        roi_px.require_inside(source.width_px, source.height_px, text)
-
-
-def _may_begin_pressed(given: Sensor | None, known: Sensor | None) -> bool:
-    """Whether the rest is that of the whole recording: without a sensor, or with the file of a pad."""
-    return known is None or (given is not None and given.is_nominal) or _is_calibrated_pad(given)
-
-
-def _is_calibrated_pad(given: Sensor | None) -> bool:
-    return given is not None and pad_of(given) is not None and not given.is_nominal
-
-
-def can_be_read_twice(source: Source) -> bool:
-    """Whether frames of the whole source can be read before it is processed."""
-    return not source.is_live and source.frame_count != 1
-
-
-def spread_frames(source: Source) -> list[Frame]:
-    """Frames spread evenly over a recording."""
-    step = max(1, (source.frame_count or SPREAD_FRAMES) // SPREAD_FRAMES)
-    return list(islice(source, 0, step * SPREAD_FRAMES, step))
+def _with_assumptions(sensor: Sensor, source: Source, method: str) -> Sensor:
+    """The sensor with what this method assumes of it, and of the frame rate of its source."""
+    assumed = [UNKNOWN_PRETENSION] if _estimates_pretension(sensor, method) else []
+    if source.fps is None and not source.is_live and source.frame_count != 1:
+        assumed.append(NO_RATE)
+    new = [sentence for sentence in assumed if sentence not in sensor.assumptions]
+    return replace(sensor, assumptions=(*sensor.assumptions, *new)) if new else sensor
 
 
 def _estimates_pretension(sensor: Sensor, method: str) -> bool:
@@ -306,51 +269,6 @@ def _estimates_pretension(sensor: Sensor, method: str) -> bool:
         and sheet.boundary == "clamped"
         and not sheet.states_pretension
     )
-
-
-def _determine_sensor(
-    source: Source,
-    text: str,
-    given: Sensor | None,
-    *,
-    pitch_mm: Pitch | None,
-    hfov_deg: float | None,
-    roi_px: Roi | None,
-    spread: Callable[[], Sequence[Frame]] | None = None,
-) -> tuple[Sensor, tuple[Frame, ...], Iterator[Frame]]:
-    """The sensor according to the first frames, these, and the frames after them."""
-    _require_views(source, text, given, roi_px)
-    require_region(source, text, roi_px)
-    if given is not None:
-        _require_fit(source, text, given)
-    device, own = source.capabilities.device, source.capabilities.sensor
-    if device is not None:
-        device.is_colour = True  # for the first frames, which show whether colour is needed
-    frames = iter(source)
-    first = first_frames(frames, START_FRAMES, device)
-    if not first:
-        raise SourceError(f"{text} contains no frame: give a video or images that show the dotted sheet")
-    if given is not None and given.is_nominal:
-        found = register_nominal(given, first, roi_px=roi_px, spread=spread)
-    elif given is not None:
-        found = register_rest(given, first, roi_px=roi_px)
-    elif own is not None:
-        found = own
-    else:
-        found = sensor_from_rest(
-            first, name=source.name, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px, spread=spread
-        )
-        for _ in range(STILL_TRIES if source.is_live else 0):
-            if is_still(found, len(first)):
-                break
-            first = first_frames(frames, START_FRAMES, device) or first
-            found = sensor_from_rest(
-                first, name=source.name, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px
-            )
-        found = with_doubt_of_start(found, len(first)) if source.is_live else found
-    if device is not None:
-        device.is_colour = found.layout is not None and found.layout.colour_weights is not None
-    return found, first, frames
 
 
 def _with_size(camera: CameraRequest | None, sensor: Sensor | None) -> CameraRequest:
@@ -370,31 +288,3 @@ def _open(given: str | Path | int | Source, fps: float | None, camera: CameraReq
     if fps is not None:
         raise SourceError(f"{given.name!r} is an open source: give fps={fps} to manytouch.open_source")
     return given, given.name
-
-
-def _require_views(source: Source, text: str, given: Sensor | None, roi_px: Roi | None) -> None:
-    """Check that several views come with a sensor that has them, and without a region of interest."""
-    known = given or source.capabilities.sensor
-    if roi_px is not None and known is not None and known.camera.views:
-        raise SensorError(
-            f"a region of interest is a part of one picture, but {known.name!r} has several views: omit it"
-        )
-    if given is None and source.capabilities.views > 1:
-        raise SensorError(
-            f"{text} needs a sensor file with [[views]], which states where each camera is: give --sensor"
-        )
-
-
-def _require_fit(source: Source, text: str, sensor: Sensor) -> None:
-    camera, views = sensor.camera, source.capabilities.views
-    if views > 1 and views != max(len(camera.views), 1):
-        raise SensorError(
-            f"{text} has {views} views, but the sensor {sensor.name!r} has "
-            f"{max(len(camera.views), 1)}: name one source for each of its [[views]], in their order"
-        )
-    stated = (source.width_px, source.height_px)  # what a source does not state is compared with its frames
-    if None not in stated and stated != (camera.width_px, camera.height_px):
-        raise SensorError(
-            f"the sensor {sensor.name!r} is for images of {camera.width_px} x {camera.height_px} px, but "
-            f"{text} has {source.width_px} x {source.height_px} px: give this camera's sensor file, or none"
-        )

@@ -9,7 +9,7 @@ import pytest
 
 import moving_scene
 from manytouch.session.diagnosis.recording import diagnose
-from manytouch.session.prepare import START_FRAMES
+from manytouch.session.sensors.determine_sensor import START_FRAMES
 
 PITCH_PX, RADIUS_PX = 40.0, 9.0
 
