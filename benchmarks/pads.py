@@ -23,8 +23,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from manytouch.estimation.pad.contacts.pad_contacts import PadContacts
 from manytouch.estimation.pad.estimator import PadEstimator
-from manytouch.estimation.pad.pad_contacts import PadContacts
 from manytouch.estimation.pad.patch_forces import RADIAL_SHEAR
 from manytouch.estimation.pad.patches import Patches
 from manytouch.evaluation.suite.calibrated.pad_sensor import drawn_pad

@@ -16,8 +16,9 @@ from manytouch.blas_threads import limit_blas_threads
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
 from manytouch.estimation.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
 from manytouch.estimation.outlier_gate import OutlierGate
+from manytouch.estimation.pad.contacts.pad_contacts import PadContacts
+from manytouch.estimation.pad.contacts.pad_shape import PadShape, pad_shape
 from manytouch.estimation.pad.image_error import ImageError, MeasuredImages
-from manytouch.estimation.pad.pad_contacts import PadContacts, PadShape, pad_shape
 from manytouch.estimation.pad.pad_model import MIN_MARKERS, BondedPadModel, NominalPad
 from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter, misfit_scale, nodal_of
 from manytouch.estimation.pad.patch_kernels import Profile

@@ -12,7 +12,7 @@ from manytouch.calibration.sheet.pad import calibrate_pad
 from manytouch.calibration.sheet.pad_fit import MODEL_STD, fit_pad
 from manytouch.errors import SensorError
 from manytouch.estimation import PadEstimator
-from manytouch.estimation.pad.pad_contacts import PadContacts
+from manytouch.estimation.pad.contacts.pad_contacts import PadContacts
 from manytouch.evaluation.suite.calibrated.pad_sensor import calibration_presses
 from manytouch.evaluation.suite.pads.pad_sensors import true_pad
 from manytouch.evaluation.suite.pads.recording import pad_states

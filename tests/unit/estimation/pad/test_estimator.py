@@ -11,8 +11,9 @@ from manytouch import sample
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator
 from manytouch.estimation.mechanics.regions.outlines import polygon_area
+from manytouch.estimation.pad.contacts.pad_contacts import PadContacts
+from manytouch.estimation.pad.contacts.pad_shape import large_strain, pad_shape
 from manytouch.estimation.pad.estimator import PadEstimator, PadState
-from manytouch.estimation.pad.pad_contacts import PadContacts, large_strain, pad_shape
 from manytouch.estimation.pad.pad_model import NominalPad
 from manytouch.estimation.pad.patch_fit import tractions
 from manytouch.estimation.pad.patch_forces import FORCE, RADIAL_SHEAR

@@ -1,0 +1,126 @@
+"""The depth of a pad under one fitted patch, and its derivatives by what was fitted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from manytouch.estimation.pad.contacts.pad_shape import PadShape, large_strain
+from manytouch.estimation.pad.pad_model import BondedPadModel
+from manytouch.estimation.pad.patch_fit import PadFit
+from manytouch.estimation.pad.patch_forces import (
+    FORCE,
+    PARAMETER_COUNT,
+    fill_basis,
+    fill_effects,
+    pressing_work,
+)
+from manytouch.estimation.pad.patch_kernels import ROOT_XX, ROOT_YX, ROOT_YY, Profile
+from manytouch.values.arrays import Points2, read_only_view
+
+_STEP_MM = 1e-3  # of a root of the second moment, in finite differences
+_FORCE_STEP = 1e-3  # the same of the force, over the force
+_ELEMENT_ROOT = 0.245
+"""Root of the second moment, in elements, of what the nodes make of a point force: with it, the depth under a
+Gaussian load with a root of .75 elements is that of the layer."""
+_CENTRE_DEPTH = (8.0 / 3.0 / np.sqrt(6.0), 0.5 * np.pi / np.sqrt(3.0), np.sqrt(0.5))
+"""For each profile, c in the depth c (1 - nu^2) F / (pi E r) of the centre of a patch with the force F and
+the root r of its second moment on a half-space. For the flat profile it is the depth of a rigid flat face."""
+_RING_ROOTS = (1.0, 1.0, np.sqrt(2.0))
+"""For each profile, the radius at which the pad may be deeper than at the centre of the patch, in roots of
+its second moment."""
+_STICKING_ROOTS = (2.0, np.sqrt(7.0 / 3.0), 0.0)
+"""For each profile, the radius at which the mean lateral displacement by a patch is that of a rigid object
+that sticks and has the same shear, in roots of the second moment of the patch. It is 0 for a rim, inside
+which the displacement is nearly constant."""
+_RING = np.array([[0.0, 0.0]] + [[np.cos(angle), np.sin(angle)] for angle in 2.0 * np.pi * np.arange(8) / 8])
+"""The centre of a circle with radius 1, and eight points on it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ContactDepth:
+    """The depth of a contact.
+
+    Attributes:
+        depth_mm: largest depth of the contact face; under a rigid flat face, its only depth.
+        by_parameter: derivatives of the depth by the PARAMETER_COUNT parameters of the contact, then by those
+            of the pad in their standard deviations (`PadFit.sheet`).
+        centre_mm: (3,) displacement of the object at the centre of the contact, sheet frame.
+    """
+
+    depth_mm: float
+    by_parameter: Float64[np.ndarray, " p"]
+    centre_mm: Float64[np.ndarray, "3"]
+
+
+def contact_depth(model: BondedPadModel, fit: PadFit, shape: PadShape, number: int) -> ContactDepth:
+    """The depth of one contact of a fit.
+
+    A rigid flat face is everywhere as deep as the work of its traction over its force (E. Betti 1872).
+    Elsewhere the depth is the largest one of the centre of the patch and of the points on a circle around it.
+    An object that sticks moves laterally by the mean displacement of a shear that is distributed as the
+    pressure, weighted with the shear of a rigid disc, which is 1 / sqrt(a^2 - r^2) on a half-space. To second
+    order this mean is the displacement at r = sqrt(2 / 3) a.
+    """
+    parameters, profile = read_only_view(fit.patches.parameters)[number], int(fit.patches.profile[number])
+    root = np.array([[parameters[ROOT_XX], 0.0], [parameters[ROOT_YX], parameters[ROOT_YY]]])
+    rings = np.concatenate([_RING_ROOTS[profile] * _RING, _STICKING_ROOTS[profile] * _RING[1:]])
+    node, value = _basis(model, parameters[:2] + rings @ root.T)
+    moved_mm = np.einsum("kn,kni->ki", value, shape.coefficient_mm[node])
+    deepest = int(np.argmin(moved_mm[: len(_RING), 2]))
+    centre_mm = np.array([*moved_mm[len(_RING) :, :2].mean(axis=0), moved_mm[0, 2]])
+    is_face, press_mm2 = profile == Profile.FLAT, max(float(parameters[FORCE]), 1e-9)
+    moved_by_force = model.by_place(shape.linear_mm) / press_mm2
+    # called for every profile, so that it is compiled with the first contact of any
+    linear_mm = pressing_work(parameters, profile, model.grid, moved_by_force)
+    if is_face:
+        deepest, effect = 0, 2.0 * moved_by_force
+    else:
+        linear_mm = -float(value[deepest] @ shape.linear_mm[node[deepest], 2])
+        # the response of the face to nodal forces is symmetric, so that a row of it is a column
+        by_node = (value[deepest] @ model.face[node[deepest], 2].reshape(16, -1)).reshape(-1, 3)
+        effect = -model.by_place(by_node)
+    by_parameter = np.zeros(PARAMETER_COUNT + len(fit.sheet))
+    fill_effects(parameters, profile, model.grid, effect, by_parameter[:PARAMETER_COUNT])
+    by_parameter[FORCE] -= linear_mm / press_mm2 if is_face else 0.0
+    if deepest == 0:
+        unresolved_mm = _unresolved_depth_mm(model, parameters, profile)
+        linear_mm += unresolved_mm
+        force_step = _FORCE_STEP * max(abs(float(parameters[FORCE])), 1e-9)
+        for parameter, step in ((ROOT_XX, _STEP_MM), (ROOT_YY, _STEP_MM), (FORCE, force_step)):
+            changed = parameters.copy()
+            changed[parameter] += step
+            change_mm = _unresolved_depth_mm(model, changed, profile) - unresolved_mm
+            by_parameter[parameter] += change_mm / step
+    depth_mm = float(large_strain(np.array([linear_mm]), model.thickness_mm)[0])
+    by_pad = model.depth_by_parameter[:, node[deepest]] @ -shape.nodal_mm2[:, 2]
+    by_parameter[PARAMETER_COUNT : PARAMETER_COUNT + len(by_pad)] = by_pad @ value[deepest]
+    by_parameter *= depth_mm / max(linear_mm, 1e-9)
+    return ContactDepth(depth_mm=depth_mm, by_parameter=by_parameter, centre_mm=centre_mm)
+
+
+def _basis(
+    model: BondedPadModel, place_mm: Points2
+) -> tuple[Int64[np.ndarray, "k 16"], Float64[np.ndarray, "k 16"]]:
+    """Numbers of the nodes and values of the B-splines that are not 0 at places (k, 2) on the pad."""
+    first, value = np.empty((len(place_mm), 2), dtype=np.int64), np.empty((len(place_mm), 4, 4))
+    fill_basis(place_mm, model.grid, first, value)
+    along_x, along_y = (first[:, axis, None] + np.arange(4) for axis in range(2))
+    rows, columns = model.grid.count_x + 3, model.grid.count_y + 3
+    if model.patch.is_x_slow:
+        node = along_x[:, :, None] * columns + along_y[:, None, :]
+    else:
+        node = along_x[:, :, None] + along_y[:, None, :] * rows
+    return node.reshape(-1, 16), value.reshape(-1, 16)
+
+
+def _unresolved_depth_mm(model: BondedPadModel, parameters: np.ndarray, profile: int) -> float:
+    """The part of the depth at the centre of a patch that the nodes of the pad are too coarse to show.
+
+    It is the depth on a half-space, less that of a wider patch: the nodes add the second moment of
+    `_ELEMENT_ROOT` elements to that of the patch.
+    """
+    root_mm = float(np.sqrt(abs(parameters[ROOT_XX] * parameters[ROOT_YY])))
+    wide_mm = float(np.hypot(root_mm, _ELEMENT_ROOT * max(model.grid.step_x, model.grid.step_y)))
+    share = _CENTRE_DEPTH[profile] * (1.0 - model.poisson**2) / np.pi
+    return float(share * parameters[FORCE] * (1.0 / root_mm - 1.0 / wide_mm))
