@@ -1,0 +1,97 @@
+"""Joins clusters of forces to one, with the moments that follow from those of the parts."""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from manytouch.estimation.mechanics.clusters.face_fits import CORNERS
+from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
+from manytouch.values.arrays import Scalars
+
+
+def join_clusters(
+    result: Clusters,
+    clusters: Clusters,
+    own: Int64[np.ndarray, " k"],
+    *,
+    corner_points_mm: Float64[np.ndarray, "_ 2"],
+    is_one_as_before: bool,
+) -> Clusters:
+    """`result` with some clusters joined to the first of them as one face; the others get no force.
+
+    Args:
+        result: the clusters, of which others may have been joined already.
+        clusters: the same without joins.
+        own: numbers of the clusters to join, none of which has been joined.
+        corner_points_mm, is_one_as_before: of the joined cluster; see `Clusters`.
+    """
+    share = clusters.normal_mm2[own] / clusters.normal_mm2[own].sum()
+    centre_mm, spread = joint_moments(clusters, own)
+    arm = clusters.centre_mm[own] - centre_mm
+    force_mm2 = clusters.force_mm2[own].sum(axis=0)
+    turned = arm[:, 0] * clusters.force_mm2[own, 1] - arm[:, 1] * clusters.force_mm2[own, 0]
+    covariance = _joint_covariance(clusters.covariance[own], share)
+    first, others = own[0], own[1:]
+
+    def changed(old: np.ndarray, new: np.ndarray | float) -> np.ndarray:
+        copy = old.copy()
+        copy[first] = new
+        return copy
+
+    force = changed(result.force_mm2, force_mm2)
+    force[others] = 0.0
+    label = result.label.copy()
+    label[np.isin(label, others)] = first
+    return replace(
+        result,
+        centre_mm=changed(result.centre_mm, centre_mm),
+        force_mm2=force,
+        torque_mm3=changed(result.torque_mm3, float((clusters.torque_mm3[own] + turned).sum())),
+        spread_mm2=changed(result.spread_mm2, spread),
+        covariance=changed(result.covariance, covariance),
+        label=label,
+        is_face=changed(result.is_face, True),
+        corner_points_mm=(
+            *result.corner_points_mm[:first],
+            corner_points_mm,
+            *result.corner_points_mm[first + 1 :],
+        ),
+        is_one_as_before=changed(result.is_one_as_before, is_one_as_before),
+    )
+
+
+def joint_moments(
+    clusters: Clusters, own: Int64[np.ndarray, " k"]
+) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2 2"]]:
+    """Centre (mm) and second moment (mm^2) of the pressure of several clusters."""
+    share = clusters.normal_mm2[own] / clusters.normal_mm2[own].sum()
+    centre_mm = share @ clusters.centre_mm[own]
+    arm = clusters.centre_mm[own] - centre_mm
+    spread = np.einsum("k,kij->ij", share, clusters.spread_mm2[own] + arm[:, :, None] * arm[:, None, :])
+    return centre_mm, spread
+
+
+def rectangle(
+    centre_mm: Float64[np.ndarray, "2"], spread_mm2: Float64[np.ndarray, "2 2"]
+) -> Float64[np.ndarray, "4 2"]:
+    """Corners of the rectangular face under a pressure with these second moments.
+
+    Two places do not show the width of a face. A side has the length of 2 roots of the second moment if only
+    the corners press, and of 2 sqrt(3) roots if the pressure is even; this is the geometric mean.
+    """
+    size, axes = np.linalg.eigh(spread_mm2)
+    half_mm = 3.0**0.25 * np.sqrt(np.maximum(size, 0.0))
+    return np.asarray(centre_mm + (CORNERS * half_mm) @ axes.T)
+
+
+def _joint_covariance(each: Float64[np.ndarray, "k 6 6"], share: Scalars) -> Float64[np.ndarray, "6 6"]:
+    """Covariance of the sum of forces, and of the means of the other estimates, with independent errors."""
+    if np.isnan(each).any():
+        return np.full((6, 6), np.nan)
+    total = np.zeros((6, 6))
+    scale = np.ones((len(share), 6))
+    scale[:, 1:] = share[:, None]
+    for part, covariance in zip(scale, each, strict=True):
+        total += part[:, None] * covariance * part
+    return total
