@@ -30,7 +30,7 @@ from manytouch.estimation.mechanics.contact_rules import (
 )
 from manytouch.estimation.mechanics.contacts import ContactEstimator
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, GaussNewton, SheetShape
-from manytouch.estimation.mechanics.inversion.sheet_model import NominalSheet, checked_layout
+from manytouch.estimation.mechanics.inversion.sheet_model import MIN_MARKERS, NominalSheet, checked_layout
 from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     PretensionEstimator,
     parameter_response,
@@ -54,9 +54,6 @@ from manytouch.geometry.refraction import rest_px
 from manytouch.values import Contacts, Sensor, Status, Surface, TrackedGrid
 from manytouch.values.arrays import Covariances2, Mask, Points2, read_only
 from manytouch.values.sensor_file.assumed_sheet import assumed_sheet
-
-MIN_MARKERS = 12
-"""A frame with fewer seen markers has the status `few_markers`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -159,43 +156,50 @@ class MechanicsEstimator:
         """Surface and contacts of the next frame. It never raises; an unusable frame has a status."""
         if self.pad is not None and not isinstance(state, MechanicsState):
             return self.pad.step(state, grid)
-        usual_std_px, rules, model = state.model_std_px, self.undescribed_frames, state.model
+        model, rules = state.model, self.undescribed_frames
         if model.is_assumed:
             state = replace(state, without_sheet=rules.step(state.without_sheet, grid))
         if grid.is_seen.sum() < MIN_MARKERS:
-            return self._step_without_shape(state, grid, Status.FEW_MARKERS)
+            return self._step_unusable(state, grid, Status.FEW_MARKERS)
         if not rules.is_fitted(model, state.undescribed):
-            return self._step_without_sheet(state.at_rest(), grid)
+            return self._step_undescribed(state.at_rest(), grid)
+        fitted = state
         if model.is_assumed:
-            state = replace(state, model_std_px=rules.model_std_px(grid, state.reference_px, usual_std_px))
-        fit = self.fit_frame(state, grid)
-        state = replace(state, model_std_px=usual_std_px)
-        if not rules.describes(model, fit, grid, state.reference_px, state.pitch_px):
-            is_lost = model.is_assumed or fit.status is not Status.OK
-            state = state.at_rest() if is_lost else state.with_fit(fit)
-            if model.is_assumed or state.undescribed >= rules.wait_frames:
-                return self._step_without_sheet(state, grid)
-            waiting = replace(state, undescribed=state.undescribed + 1)
-            return self._step_without_shape(waiting, grid, Status.NOT_CONVERGED)
-        state, status = replace(state, undescribed=0), grid.status
+            std_px = rules.model_std_px(grid, state.reference_px, state.model_std_px)
+            fitted = replace(state, model_std_px=std_px)
+        fit = self.fit_frame(fitted, grid)
+        if rules.describes(model, fit, grid, state.reference_px, state.pitch_px):
+            return self._step_described(replace(state, undescribed=0), grid, fit)
+        is_lost = model.is_assumed or fit.status is not Status.OK
+        state = state.at_rest() if is_lost else state.with_fit(fit)
+        if model.is_assumed or state.undescribed >= rules.wait_frames:
+            return self._step_undescribed(state, grid)
+        waiting = replace(state, undescribed=state.undescribed + 1)
+        return self._step_unusable(waiting, grid, Status.NOT_CONVERGED)
+
+    def _step_described(
+        self, state: MechanicsState, grid: TrackedGrid, fit: Fit
+    ) -> tuple[MechanicsState, Surface, Contacts]:
+        """A frame that the sheet describes: its contacts are the clusters of the forces of the fit."""
+        model, status = state.model, grid.status
         noise = self.marker_noise.noise_ratio(grid, state.model_std_px)
-        earlier, state = state.response, self._with_response(state, fit)
-        forces = ForcePosterior(state.model, fit)
+        earlier_response = state.response
+        state = self._with_response(state, fit)
+        forces = ForcePosterior(model, fit)
         clusters = self._clusters(state, fit, forces, noise=noise)
-        shape = self._unbiased_shape(state, clusters, forces)
+        shape = forces.unbiased_shape(clusters.fitted_mm2)
         clusters = self.rigid_faces(
             model, shape.coefficient_mm, clusters, forces.evidence, state.touching_mm, earlier=state.previous
         )
-        clusters, significance = self.contact_rules.certain(state.model, clusters, fit, state.response)
+        clusters, significance = self.contact_rules.certain(model, clusters, fit, state.response)
         friction = self.friction_fits(fit, clusters, shape.force_mm2)
         if friction is not None:
             shape = shape.moved(friction.change_mm, friction.force_change_mm2)
             clusters = replace(clusters, centre_mm=clusters.centre_mm + friction.centre_change_mm)
         surface = self._surface(state, grid, shape, clusters, status)
-        after = state.with_fit(fit)
         may_start = self._may_start(state, clusters) & (significance >= self.contact_rules.start_stds)
         after, contacts = self._track(
-            after,
+            state.with_fit(fit),
             clusters,
             replace(fit, shape=shape),
             friction,
@@ -205,16 +209,17 @@ class MechanicsEstimator:
         )
         if status is Status.OK and not after.tracks.tracks and not may_start.any():
             after = self._update_reference(after, grid)
-            after = replace(after, without_sheet=rules.at_rest(model, after.without_sheet, grid))
-        if state.response is not earlier and status is Status.OK and contacts.touching:
+            at_rest = self.undescribed_frames.at_rest(model, after.without_sheet, grid)
+            after = replace(after, without_sheet=at_rest)
+        if state.response is not earlier_response and status is Status.OK and contacts.touching:
             after = self._update_pretension(after, fit, clusters)
         return after, surface, contacts
 
     def _with_response(self, state: MechanicsState, fit: Fit) -> MechanicsState:
         """The state with the response of the last full step to the parameters of the sheet.
 
-        It is computed in the frame after that step, whose time thus has a lower bound, unless it has a full
-        step too.
+        It is computed in the frame after that step. So a frame takes the time of both only if the frame
+        before had a full step too, or if there is no response yet.
         """
         is_new = bool(fit.steps) or (state.response is not None and state.response.is_stale(state.model, fit))
         is_next = state.response is not None and bool(fit.steps) and not state.response_is_due
@@ -287,18 +292,6 @@ class MechanicsEstimator:
         )
         return significant(clusters, fit, rules.last_stds)[0]
 
-    def _unbiased_shape(
-        self, state: MechanicsState, clusters: Clusters, forces: ForcePosterior
-    ) -> SheetShape:
-        """The shape with the forces of the fitted patches, which the sparse prior does not reduce.
-
-        Its marker images are those of the fit.
-        """
-        shape = forces.fit.shape
-        if not np.isfinite(clusters.fitted_mm2).any():
-            return shape
-        return shape.changed(state.model, forces.conditional_change(clusters.fitted_mm2))
-
     def _may_start(self, state: MechanicsState, clusters: Clusters) -> Mask:
         model = state.model
         gate_mm = self.contact_tracker.gate_pitch * model.pitch_mm
@@ -340,15 +333,15 @@ class MechanicsEstimator:
         previous = state.previous.followed_by(clusters.select(chosen), fit.shape.force_mm2[:, 2], reach_mm)
         return replace(state, tracks=tracks, slip=slip, previous=previous), contacts
 
-    def _step_without_sheet(
+    def _step_undescribed(
         self, state: MechanicsState, grid: TrackedGrid
     ) -> tuple[MechanicsState, Surface, Contacts]:
-        """A frame that the sheet does not describe."""
+        """A frame that the sheet does not describe: surface and contacts are those of `perimeter`."""
         model, found, rules = state.model, state.without_sheet, self.undescribed_frames
         if not model.is_assumed:
             state = replace(state, undescribed=state.undescribed + 1)
             if rules.is_torn(grid, state.reference_px, state.neighbours):
-                return self._step_without_shape(state, grid, Status.NOT_CONVERGED)
+                return self._step_unusable(state, grid, Status.NOT_CONVERGED)
             found = rules.step(found, grid)
         surface = unknown_surface(model.layout, grid.status) if found.surface is None else found.surface
         tracks, contacts = self.contact_tracker.step(state.tracks, found.touching, status=grid.status)
@@ -363,10 +356,10 @@ class MechanicsEstimator:
         )
         return replace(state, reference_px=reference_px)
 
-    def _step_without_shape(
+    def _step_unusable(
         self, state: MechanicsState, grid: TrackedGrid, reason: Status
     ) -> tuple[MechanicsState, Surface, Contacts]:
-        """A frame with too few markers, or that no shape explains: no surface, and contacts that wait."""
+        """A frame with too few markers or whose fit failed: the surface is not known, and contacts wait."""
         status = reason if grid.status is Status.OK else grid.status
         tracks, contacts = self.contact_tracker.step(state.tracks, (), status=status)
         return replace(state, tracks=tracks), unknown_surface(state.model.layout, status), contacts

@@ -18,7 +18,7 @@ from jaxtyping import Float64, Int64
 
 from manytouch.estimation.mechanics.clusters.patch_fits import Whitened, fit_patches
 from manytouch.estimation.mechanics.clusters.patch_kernels import NodeGrid, add_patches, node_grid
-from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
+from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, SheetShape
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal, SplinePatch
 from manytouch.mechanics.solver.posterior import Posterior
@@ -268,6 +268,19 @@ class ForcePosterior:
             aim=-combinations.white_of_mean @ self.fit.shape.force_mm2[node, 2],
             patch=self.model.patch,
         )
+
+    def unbiased_shape(self, fitted_mm2: Float64[np.ndarray, " nodes"]) -> SheetShape:
+        """The shape of the sheet with the forces of fitted patches, which the sparse prior does not reduce.
+
+        Its marker images are those of the fit.
+
+        Args:
+            fitted_mm2: see `Clusters`.
+        """
+        shape = self.fit.shape
+        if not np.isfinite(fitted_mm2).any():
+            return shape
+        return shape.changed(self.model, self.conditional_change(fitted_mm2))
 
     def conditional_change(self, press_mm2: Float64[np.ndarray, " nodes"]) -> Nodal:
         """Change of the coefficients (nodes, 3) to their mean if the normal forces of some nodes are known.

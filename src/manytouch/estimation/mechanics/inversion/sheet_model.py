@@ -18,6 +18,7 @@ from manytouch.values.sensor_file.assumed_sheet import ASSUMED_POISSON, assumed_
 from manytouch.values.sensor_file.default_std import sheet_std
 
 MIN_MARKERS = 12
+"""A layout with fewer markers is refused; a frame that shows fewer has the status `few_markers`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
