@@ -239,20 +239,20 @@ class PatchFitter:
         )
 
     def _covariances(
-        self, curved: Float64[np.ndarray, "p p"], count: int
+        self, curvature: Float64[np.ndarray, "p p"], count: int
     ) -> tuple[Float64[np.ndarray, "p p"], Float64[np.ndarray, "p f"]]:
         """`PadFit.covariance` and `PadFit.by_sheet` by the curvature of the misfit."""
-        size = np.sqrt(np.diag(curved))
-        covariance = np.linalg.inv(curved / np.outer(size, size)) / np.outer(size, size)
+        size = np.sqrt(np.diag(curvature))
+        covariance = np.linalg.inv(curvature / np.outer(size, size)) / np.outer(size, size)
         common = count * PARAMETER_COUNT + MOTIONS
-        by_sheet = np.zeros((len(curved), _FITTED))
+        by_sheet = np.zeros((len(curvature), _FITTED))
         by_sheet[:common] = -np.linalg.solve(
-            curved[:common, :common], curved[:common, common : common + _FITTED]
+            curvature[:common, :common], curvature[:common, common : common + _FITTED]
         )
         by_sheet[common : common + _FITTED] = np.eye(_FITTED)
         by_sheet *= np.sqrt(1.0 - self.fitted_share**2)
-        kept = np.arange(common + _FITTED, len(curved))
-        change = -covariance @ curved[:, kept]
+        kept = np.arange(common + _FITTED, len(curvature))
+        change = -covariance @ curvature[:, kept]
         change[kept] = np.eye(len(kept))
         covariance += change @ change.T
         return covariance, by_sheet

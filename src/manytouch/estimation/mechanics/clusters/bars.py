@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Int64
 
-from manytouch.estimation.mechanics.clusters.evidence import Evidence, EvidenceAt, PatchFit
+from manytouch.estimation.mechanics.clusters.evidence import MIN_MEAN_MISFIT, Evidence, EvidenceAt
 from manytouch.estimation.mechanics.clusters.face_fits import fit_bar
+from manytouch.estimation.mechanics.clusters.fitted_patches import PAIR_PARAMETERS, PatchFit
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 
@@ -21,8 +22,7 @@ MIN_F = 8.0
 sheet of 3 mm, 6 to 16 mm apart, have 9 and more; bars and blocks of the varied cases -50 to 14 (ADR 84)."""
 MIN_INSIDE = 0.8
 """Least share of the force of a face on the nodes of the evidence; nothing limits it beyond them."""
-_TWO_PARAMETERS = 7
-_START_MM = 0.1
+_START_MM = 0.1  # added to the deviation of the pressure from which the fit of two patches starts
 
 
 def f_of_two(
@@ -30,7 +30,7 @@ def f_of_two(
     two_misfit: float,
     bar: PatchFit,
     *,
-    min_mean_misfit: float = 0.1,
+    min_mean_misfit: float = MIN_MEAN_MISFIT,
     min_inside: float = MIN_INSIDE,
 ) -> float:
     """F of two patches against a bar: the difference of the misfits over that per degree of freedom.
@@ -39,8 +39,8 @@ def f_of_two(
     """
     if bar.nodal_mm2.sum() < min_inside * bar.force_mm2:
         return np.inf
-    mean_misfit = two_misfit / max(len(evidence.aim) - _TWO_PARAMETERS, 1)
-    return (bar.misfit - two_misfit) / max(mean_misfit, min_mean_misfit)
+    mean_misfit = evidence.mean_misfit(two_misfit, PAIR_PARAMETERS, min_mean_misfit)
+    return (bar.misfit - two_misfit) / mean_misfit
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from manytouch.estimation.mechanics.clusters.fitted_patches import PairFit, PatchFit
 from manytouch.estimation.mechanics.clusters.patch_fits import Whitened, fit_patches
 from manytouch.estimation.mechanics.clusters.patch_kernels import NodeGrid, add_patches, node_grid
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, SheetShape
@@ -31,57 +32,11 @@ LENGTH_MM = 1e-3
 """Step of finite differences."""
 _START_MM2 = 0.3  # added to the spread of nodal forces, from which the fit of a patch starts
 MIN_MEAN_MISFIT = 0.1
-"""Lower limit of the misfit per degree of freedom in covariances."""
-_LEAST_SIZE = (
-    1e-8  # directions of parameters with less curvature than this share of the largest have no variance
-)
-_RANK = 1e-6  # combinations with less information than this share of the best one's are dropped
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class PatchFit:
-    """A uniform elliptical patch of pressure, or a rigid face, that was fitted to the markers.
-
-    Attributes:
-        misfit: of the patch.
-        force_mm2: normal force over E.
-        centre_mm: (2,) undeformed coordinates.
-        spread_mm2: (2, 2) second moment of the pressure about the centre.
-        covariance: (6, 6) of force, x, y, and the moments xx, xy, yy by the noise; it is scaled by the mean
-            misfit.
-        nodal_mm2: (n,) its forces on the nodes of the evidence, over E, positive in compression.
-        outline_mm: (k, 2) outline of a rigid face: 4 corners of a bar, 24 points of an elliptic face; (0, 2)
-            of an even ellipse.
-    """
-
-    misfit: float
-    force_mm2: float
-    centre_mm: Float64[np.ndarray, "2"]
-    spread_mm2: Float64[np.ndarray, "2 2"]
-    covariance: Float64[np.ndarray, "6 6"]
-    nodal_mm2: Float64[np.ndarray, " n"]
-    outline_mm: Float64[np.ndarray, "_ 2"]
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class PairFit:
-    """Two round patches of pressure of one size that were fitted to the markers.
-
-    Attributes:
-        misfit: of the patches.
-        force_mm2: (2,) normal forces over E.
-        centre_mm: (2, 2) undeformed coordinates.
-        deviation_mm: standard deviation of the pressure of each along an axis.
-        covariance: (2, 3, 3) of force, x, y of each, as that of `PatchFit`.
-        nodal_mm2: (n,) the forces of both on the nodes of the evidence, over E, positive in compression.
-    """
-
-    misfit: float
-    force_mm2: Float64[np.ndarray, "2"]
-    centre_mm: Float64[np.ndarray, "2 2"]
-    deviation_mm: float
-    covariance: Float64[np.ndarray, "2 3 3"]
-    nodal_mm2: Float64[np.ndarray, " n"]
+"""Lower limit of the misfit per degree of freedom."""
+_LEAST_CURVATURE = 1e-8
+"""Directions of parameters with less curvature than this share of the largest get no variance."""
+_LEAST_INFORMATION = 1e-6
+"""Combinations with less information than this share of that of the best one are dropped."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -129,18 +84,18 @@ class Evidence:
         root = np.linalg.cholesky(spread_mm2 + _START_MM2 * np.eye(2))
         theta = np.array([force_mm2, *centre_mm, root[0, 0], root[1, 0], root[1, 1]])
         step = np.array([1e-3 * force_mm2] + 5 * [LENGTH_MM])
-        misfit, curved = self.fit(theta, step.tolist())
+        misfit, curvature = self.fit(theta, step.tolist())
         point = np.array([force_mm2, *centre_mm, 0.0, 0.0, 0.0])
-        point_misfit, point_curved = self.fit(point, [*step[:3].tolist(), 0.0, 0.0, 0.0])
+        point_misfit, point_curvature = self.fit(point, [*step[:3].tolist(), 0.0, 0.0, 0.0])
         parameters = len(theta)
         if point_misfit < misfit:
-            theta, misfit, curved, parameters = point, point_misfit, point_curved, 3
-        per_combination = max(misfit / max(len(self.aim) - parameters, 1), MIN_MEAN_MISFIT)
+            theta, misfit, curvature, parameters = point, point_misfit, point_curvature, 3
+        per_combination = self.mean_misfit(misfit, parameters)
         xx, yx, yy = theta[3:]
         by_root = np.array([[2.0 * xx, 0.0, 0.0], [yx, xx, 0.0], [0.0, 2.0 * yx, 2.0 * yy]])
         change = np.eye(6)
         change[3:, 3:] = by_root
-        inverse = inverse_of(curved)
+        inverse = inverse_of(curvature)
         return PatchFit(
             misfit=misfit,
             force_mm2=float(theta[0]),
@@ -158,9 +113,9 @@ class Evidence:
         theta = np.array([force_mm2[0], *centre_mm[0], force_mm2[1], *centre_mm[1], deviation_mm])
         patch = [1e-3 * float(force_mm2.sum()), LENGTH_MM, LENGTH_MM]
         step = np.array([*patch, *patch, LENGTH_MM])
-        misfit, curved = self.fit(theta, step.tolist())
-        per_combination = max(misfit / max(len(self.aim) - len(theta), 1), MIN_MEAN_MISFIT)
-        inverse = inverse_of(curved)
+        misfit, curvature = self.fit(theta, step.tolist())
+        per_combination = self.mean_misfit(misfit, len(theta))
+        inverse = inverse_of(curvature)
         own = np.array([[0, 1, 2], [3, 4, 5]])
         return PairFit(
             misfit=misfit,
@@ -186,7 +141,7 @@ class Evidence:
         head = [one.force_mm2, *one.centre_mm]
         step = [1e-3 * one.force_mm2, LENGTH_MM, LENGTH_MM]
         rows = max(len(self.aim), 2)
-        scale = max(one.misfit / max(rows - 6, 1), MIN_MEAN_MISFIT)
+        scale = self.mean_misfit(one.misfit, 6)
         point, _ = self.fit(np.array([*head, 0.0, 0.0, 0.0]), [*step, 0.0, 0.0, 0.0])
         score = np.full((4, 2), np.inf)
         score[0, 0] = point / scale + 3.0 * np.log(rows)
@@ -208,9 +163,13 @@ class Evidence:
         return np.asarray(weight / weight.sum())
 
     def misfit(self, nodal_mm2: Float64[np.ndarray, " n"]) -> float:
-        """Of forces on the nodes, over E, positive in compression."""
+        """The misfit of forces (n,) on the nodes, over E, positive in compression."""
         off = self.aim - self.combinations.white @ nodal_mm2
         return float(off @ off)
+
+    def mean_misfit(self, misfit: float, parameters: int, least: float = MIN_MEAN_MISFIT) -> float:
+        """A misfit per degree of freedom of a fit with this number of parameters, at least `least`."""
+        return max(misfit / max(len(self.aim) - parameters, 1), least)
 
     def nodal(self, theta: Scalars) -> Float64[np.ndarray, " nodes"]:
         """(n,) forces of fitted patches on the nodes, over E; `theta` as in `patch_kernels`."""
@@ -221,17 +180,17 @@ class Evidence:
     def fit(self, theta: Scalars, step: list[float]) -> tuple[float, Float64[np.ndarray, "p p"]]:
         """Least misfit and its curvature; `theta` is changed in place."""
         likelihood = Whitened(self.combinations.white, self.aim)
-        misfit, curved = fit_patches(theta, np.array(step), self.combinations.grid, likelihood, _MAX_STEPS)
-        return float(misfit), curved
+        misfit, curvature = fit_patches(theta, np.array(step), self.combinations.grid, likelihood, _MAX_STEPS)
+        return float(misfit), curvature
 
 
-def inverse_of(curved: np.ndarray) -> np.ndarray:
+def inverse_of(curvature: np.ndarray) -> np.ndarray:
     """Inverse of a curvature (p, p); parameters that do not change the misfit get no variance."""
-    scale = np.sqrt(np.diag(curved))
+    scale = np.sqrt(np.diag(curvature))
     scale = np.where(scale > 0.0, 1.0 / np.where(scale > 0.0, scale, 1.0), 0.0)
-    size, axes = np.linalg.eigh(curved * scale[:, None] * scale)
-    part = axes[:, size > _LEAST_SIZE * size[-1]]
-    white = scale[:, None] * part / np.sqrt(size[size > _LEAST_SIZE * size[-1]])
+    size, axes = np.linalg.eigh(curvature * scale[:, None] * scale)
+    part = axes[:, size > _LEAST_CURVATURE * size[-1]]
+    white = scale[:, None] * part / np.sqrt(size[size > _LEAST_CURVATURE * size[-1]])
     return np.asarray(white @ white.T)
 
 
@@ -301,7 +260,7 @@ def _combinations(model: InversionModel, posterior: Posterior, node: Int64[np.nd
     inverse = np.linalg.inv(posterior.force_covariance(node))
     likelihood = inverse - np.diag(posterior.weight[node, 2])
     size, axes = np.linalg.eigh(0.5 * (likelihood + likelihood.T))
-    is_used = size > _RANK * size[-1]
+    is_used = size > _LEAST_INFORMATION * size[-1]
     root = np.sqrt(size[is_used])
     axes = axes[:, is_used]
     return Combinations(

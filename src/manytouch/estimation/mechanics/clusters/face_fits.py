@@ -9,12 +9,10 @@ from jaxtyping import Float64
 
 from manytouch.estimation.mechanics.clusters.evidence import (
     LENGTH_MM,
-    MIN_MEAN_MISFIT,
     Evidence,
-    PairFit,
-    PatchFit,
     inverse_of,
 )
+from manytouch.estimation.mechanics.clusters.fitted_patches import PairFit, PatchFit
 from manytouch.estimation.mechanics.clusters.patch_kernels import (
     ALONG,
     bar_profile,
@@ -42,10 +40,10 @@ def fit_bar(evidence: Evidence, pair: PairFit) -> PatchFit:
     centre_mm = share @ pair.centre_mm
     theta = np.array([pair.force_mm2.sum(), *centre_mm, *half_length_mm, half_width_mm, 0.0, 0.0])
     step = np.array([1e-3 * theta[0]] + 7 * [LENGTH_MM])
-    misfit, curved = evidence.fit(theta, step.tolist())
+    misfit, curvature = evidence.fit(theta, step.tolist())
     along, across = theta[3:5], theta[5] * np.array([-theta[4], theta[3]]) / np.hypot(theta[3], theta[4])
     outline_mm = theta[1:3] + np.outer(CORNERS[:, 0], along) + np.outer(CORNERS[:, 1], across)
-    return _face(evidence, theta, step, misfit, curved, estimates=_bar_estimates, outline_mm=outline_mm)
+    return _face(evidence, theta, step, misfit, curvature, estimates=_bar_estimates, outline_mm=outline_mm)
 
 
 def fit_elliptic_face(evidence: Evidence, one: PatchFit) -> PatchFit:
@@ -54,10 +52,12 @@ def fit_elliptic_face(evidence: Evidence, one: PatchFit) -> PatchFit:
     # force over E (mm^2); x, y of the centre, triangular root of the second moment xx, yx, yy (mm); edge load
     theta = np.array([one.force_mm2, *one.centre_mm, root[0, 0], root[1, 0], root[1, 1], 0.2, 0.0, 0.0])
     step = np.array([1e-3 * theta[0]] + 6 * [LENGTH_MM] + 2 * [0.0])  # parameters with step 0 are fixed
-    misfit, curved = evidence.fit(theta, step.tolist())
+    misfit, curvature = evidence.fit(theta, step.tolist())
     lower = np.array([[theta[3], 0.0], [theta[4], theta[5]]])
     outline_mm = theta[1:3] + 2.0 * _CIRCLE @ lower.T
-    return _face(evidence, theta, step, misfit, curved, estimates=_elliptic_estimates, outline_mm=outline_mm)
+    return _face(
+        evidence, theta, step, misfit, curvature, estimates=_elliptic_estimates, outline_mm=outline_mm
+    )
 
 
 def _face(
@@ -65,7 +65,7 @@ def _face(
     theta: Scalars,
     step: Scalars,
     misfit: float,
-    curved: Float64[np.ndarray, "p p"],
+    curvature: Float64[np.ndarray, "p p"],
     *,
     estimates: Callable[[Scalars], Float64[np.ndarray, "6"]],
     outline_mm: Float64[np.ndarray, "k 2"],
@@ -75,8 +75,8 @@ def _face(
         moved = theta.copy()
         moved[number] += step[number]
         change[:, number] = (estimates(moved) - at) / step[number]
-    inverse = inverse_of(curved)
-    per_combination = max(misfit / max(len(evidence.aim) - len(theta), 1), MIN_MEAN_MISFIT)
+    inverse = inverse_of(curvature)
+    per_combination = evidence.mean_misfit(misfit, len(theta))
     xx, xy, yy = at[3:]
     return PatchFit(
         misfit=misfit,

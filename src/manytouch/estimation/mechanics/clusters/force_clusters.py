@@ -8,11 +8,11 @@ are therefore those of its load and do not depend on the nodes.
 """
 
 from dataclasses import dataclass, replace
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
+from manytouch.estimation.mechanics.clusters.fitted_patches import PatchFit
 from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes, smooth
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Points2, Scalars, read_only
@@ -20,35 +20,6 @@ from manytouch.values.arrays import Points2, Scalars, read_only
 _STEADY = 0.4
 """Share of the nodal forces that may change between two frames of which the second is steady. It was chosen
 between a cylinder at the end of its ramp (.22) and the second frame of a sudden press (.6); see ADR 124."""
-
-
-@runtime_checkable
-class ForcePatch(Protocol):
-    """A patch of pressure that was fitted to the markers; see `evidence.PatchFit`.
-
-    Attributes:
-        force_mm2: normal force over E.
-        centre_mm: (2,) on the sheet.
-        spread_mm2: (2, 2) second moment of the pressure about the centre.
-        covariance: (6, 6) of force, x, y and the moments xx, xy, yy, by the noise.
-        outline_mm: (k, 2) outline of a rigid face: 4 corners of a bar, 24 points of an elliptic face; (0, 2)
-            of an even ellipse.
-    """
-
-    @property
-    def force_mm2(self) -> float: ...
-
-    @property
-    def centre_mm(self) -> Float64[np.ndarray, "2"]: ...
-
-    @property
-    def spread_mm2(self) -> Float64[np.ndarray, "2 2"]: ...
-
-    @property
-    def covariance(self) -> Float64[np.ndarray, "6 6"]: ...
-
-    @property
-    def outline_mm(self) -> Float64[np.ndarray, "_ 2"]: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -67,7 +38,7 @@ class Clusters:
         label: (n,) cluster of each node, or -1.
         is_face: (c,) clusters under a rigid face: bars, and those that several ones were joined to.
         corner_points_mm: for each cluster under a rigid face, (k, 2) points around the places where it
-            presses, or the outline of the fitted face (`ForcePatch.outline_mm`); else (0, 2).
+            presses, or the outline of the fitted face (`PatchFit.outline_mm`); else (0, 2).
         shape_probability: (c, 4) of the shapes of the pressure in the order of `ContactShape`; NaN where no
             patch was fitted.
         fitted_mm2: (n,) normal forces of the fitted patches on the nodes that they were fitted to, positive
@@ -87,6 +58,31 @@ class Clusters:
     shape_probability: Float64[np.ndarray, "c 4"]
     fitted_mm2: Float64[np.ndarray, " nodes"]
     is_one_as_before: Bool[np.ndarray, " c"]
+
+    @staticmethod
+    def of_forces(
+        centre_mm: Points2,
+        force_mm2: Float64[np.ndarray, "c 3"],
+        torque_mm3: Scalars,
+        spread_mm2: Float64[np.ndarray, "c 2 2"],
+        label: Int64[np.ndarray, " nodes"],
+    ) -> "Clusters":
+        """Clusters with these forces and moments, to which no patch was fitted yet."""
+        count = len(centre_mm)
+        return Clusters(
+            centre_mm=centre_mm,
+            force_mm2=force_mm2,
+            torque_mm3=torque_mm3,
+            spread_mm2=spread_mm2,
+            covariance=np.full((count, 6, 6), np.nan),
+            sheet_covariance=np.zeros((count, 6, 6)),
+            label=label,
+            is_face=np.zeros(count, dtype=np.bool_),
+            corner_points_mm=tuple(np.zeros((0, 2)) for _ in range(count)),
+            shape_probability=np.full((count, 4), np.nan),
+            fitted_mm2=np.full(len(label), np.nan),
+            is_one_as_before=np.zeros(count, dtype=np.bool_),
+        )
 
     def __len__(self) -> int:
         return len(self.centre_mm)
@@ -109,7 +105,7 @@ class Clusters:
         return np.asarray(2.0 * np.pi * np.sqrt(np.maximum(trace, 0.0)))
 
     def with_patch(
-        self, number: int, patch: "ForcePatch", shape_probability: Float64[np.ndarray, "4"]
+        self, number: int, patch: PatchFit, shape_probability: Float64[np.ndarray, "4"]
     ) -> "Clusters":
         """The clusters with one of them as a patch, or as a bar, and its torque about the new centre."""
         arm_mm = patch.centre_mm - self.centre_mm[number]
@@ -279,17 +275,10 @@ def cluster_moments(nodes: ForceNodes, force_mm2: Nodal, label: Int64[np.ndarray
     # The spread of forces on three nodes can be less than that of any load.
     narrow = np.minimum(np.linalg.eigvalsh(spread)[:, 0], 0.0) if count else np.zeros(0)
     spread -= narrow[:, None, None] * np.eye(2)
-    return Clusters(
+    return Clusters.of_forces(
         centre_mm=centre,
         force_mm2=np.column_stack([summed(force[:, 0]), summed(force[:, 1]), -total]),
         torque_mm3=summed(arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]),
         spread_mm2=spread,
-        covariance=np.full((count, 6, 6), np.nan),
-        sheet_covariance=np.zeros((count, 6, 6)),
         label=label,
-        is_face=np.zeros(count, dtype=np.bool_),
-        corner_points_mm=tuple(np.zeros((0, 2)) for _ in range(count)),
-        shape_probability=np.full((count, 4), np.nan),
-        fitted_mm2=np.full(len(label), np.nan),
-        is_one_as_before=np.zeros(count, dtype=np.bool_),
     )

@@ -19,15 +19,15 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from manytouch.estimation.mechanics.clusters.bars import MIN_F, MIN_INSIDE, f_of_two
-from manytouch.estimation.mechanics.clusters.evidence import Evidence, EvidenceAt, PairFit, PatchFit
+from manytouch.estimation.mechanics.clusters.evidence import Evidence, EvidenceAt
 from manytouch.estimation.mechanics.clusters.face_fits import fit_bar, fit_elliptic_face
+from manytouch.estimation.mechanics.clusters.fitted_patches import PAIR_PARAMETERS, PairFit, PatchFit
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes, smooth
 from manytouch.geometry.spline.patch import Nodal, SplinePatch
 from manytouch.values.arrays import Mask, Points2
 
-_TWO_PARAMETERS = 7  # of two patches; one patch has 6
-_FACE_PARAMETERS = 7
+_FACE_PARAMETERS = 7  # that are fitted of an elliptic face
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -186,7 +186,7 @@ class ModelOrder:
         """
         start = np.clip(parts.share, self.min_share, 1.0 - self.min_share)
         pair = evidence.fit_two(start * press_mm2, parts.centre_mm, float(np.sqrt(parts.variance_mm2)) + 0.1)
-        mean_misfit = max(pair.misfit / max(len(evidence.aim) - _TWO_PARAMETERS, 1), self.min_mean_misfit)
+        mean_misfit = evidence.mean_misfit(pair.misfit, PAIR_PARAMETERS, self.min_mean_misfit)
         share = pair.force_mm2 / pair.force_mm2.sum()
         gain = one.misfit - pair.misfit
         if gain <= limit * self.min_f * noise * mean_misfit or share.min() < limit * self.min_share:
@@ -218,7 +218,7 @@ class ModelOrder:
         if narrow_mm < self.min_face * element_mm or one.misfit < self.min_f_face * self.min_mean_misfit:
             return one
         face = fit_elliptic_face(evidence, one)
-        mean_misfit = max(face.misfit / max(len(evidence.aim) - _FACE_PARAMETERS, 1), self.min_mean_misfit)
+        mean_misfit = evidence.mean_misfit(face.misfit, _FACE_PARAMETERS, self.min_mean_misfit)
         arm_mm2 = float(np.square(face.outline_mm - face.centre_mm).sum(axis=1).mean())
         is_edge_loaded = 2.0 * float(np.trace(face.spread_mm2)) > self.min_rim * arm_mm2
         is_inside = bool(face.nodal_mm2.sum() >= self.min_inside * face.force_mm2)

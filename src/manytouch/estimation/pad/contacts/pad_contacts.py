@@ -278,24 +278,18 @@ def _clusters(model: BondedPadModel, fit: PadFit) -> Clusters:
     count = len(fit.patches)
     spread, covariance = np.empty((count, 2, 2)), np.empty((count, 6, 6))
     scale = misfit_scale(fit)
-    order = [SHAPE, 0, 1, 2, 3, 4]
+    order = [FORCE, *range(SHAPE)]
     for number, (xx, yx, yy) in enumerate(fit.patches.parameters[:, ROOT_XX:SHAPE]):
         spread[number] = [[xx * xx, xx * yx], [xx * yx, yx * yx + yy * yy]]
         change = np.eye(6)
         change[3:, 3:] = [[2.0 * xx, 0.0, 0.0], [yx, xx, 0.0], [0.0, 2.0 * yx, 2.0 * yy]]
         at = PARAMETER_COUNT * number + np.array(order)
         covariance[number] = scale * change @ fit.covariance[np.ix_(at, at)] @ change.T
-    return Clusters(
+    clusters = Clusters.of_forces(
         centre_mm=fit.patches.parameters[:, :2],
         force_mm2=np.column_stack([fit.patches.parameters[:, SHEAR_X:TORQUE], -fit.force_mm2]),
         torque_mm3=fit.patches.parameters[:, TORQUE],
         spread_mm2=spread,
-        covariance=covariance,
-        sheet_covariance=np.zeros((count, 6, 6)),
         label=np.full(model.patch.node_count, -1, dtype=np.int64),
-        is_face=np.zeros(count, dtype=np.bool_),
-        corner_points_mm=tuple(np.zeros((0, 2)) for _ in range(count)),
-        shape_probability=np.full((count, 4), np.nan),
-        fitted_mm2=np.full(model.patch.node_count, np.nan),
-        is_one_as_before=np.zeros(count, dtype=np.bool_),
     )
+    return replace(clusters, covariance=covariance)
