@@ -1,10 +1,11 @@
 """The rest of a recording that may begin touched: the stillest and most common of its arrangements.
 
-Frames between which no group of markers has moved show one arrangement. What a sheet returns to is its rest,
-so an arrangement counts by its frames times its separate visits. Of two that are about as common, the one is
-pressed in which the markers of one place have spread apart: an incompressible pad swells sideways under a
-press, and what comes nearer to the camera grows. The first frames stay the rest unless another arrangement
-differs by more than what a soft sheet keeps of a press.
+An arrangement is the set of frames between which no group of markers has moved. A sheet returns to its rest
+again and again, so the score of an arrangement is the number of its frames times the number of its separate
+visits. Of two arrangements with similar scores, the pressed one is that in which the markers of one place
+have spread apart: an incompressible pad swells sideways under a press, and what comes nearer to the camera
+grows in the image. The positions of the first frames stay the rest unless another arrangement differs from
+them by more than what a soft sheet keeps of a press. The constants are explained in ADR 51 and ADR 131.
 """
 
 from collections.abc import Iterable, Sequence
@@ -32,19 +33,32 @@ DOUBTFUL_REST = (
 )
 WHOLE_RECORDING = "whole recording"
 """Value of the key `from` of `[provenance]` where the rest positions are not those of the first frames."""
-MOST_READ = 20_000  # frames
+MOST_READ = 20_000
+"""Number of frames, from the first one, among which those that are tracked are chosen."""
 MOST_TRACKED = 400
+"""Largest number of frames that are tracked."""
+_MOST_COMPARED = 48
+"""Largest number of frames of which every pair is compared."""
 _FEWEST_MARKERS = 6
-_MOST_FRAMES = 48  # of which every pair is compared
-_STILL = (
-    0.005  # pitches that most markers may move from one frame to the next, or a group within an arrangement
-)
-_STILL_SHARE = 0.8  # of the first frames of a live source
-_SHOWN = 0.5  # of the markers, in a picture of the same sensor
-_RIVAL = 0.15  # of the score of the most common arrangement
-_FEWEST_STILL = 3  # frames of such a rival; a slow press is still for two
-_CLEAR = 0.25  # skewness of the spread from which on one arrangement is known to be pressed
-_EVEN = 0.5  # of the score of the chosen arrangement: another one of it that cannot be excluded causes doubt
+_STILL_PITCHES = 0.005
+"""Most markers of a still frame move by less until the next frame, and any group of them by less within an
+arrangement: between untouched frames (98 % are below 0.0036) and faint touches (0.012)."""
+_STILL_SHARE = 0.8
+"""Share of the first frames of a live source that must be still."""
+_UNMOVED_SHARE = 0.9
+"""If more than this share of the compared frames are like the first ones, these are the rest: a choice."""
+_SHOWN_SHARE = 0.5
+"""Share of the markers that a picture of the same sensor shows, and of the pictures that show them."""
+_RIVAL_SHARE = 0.15
+"""An arrangement may be the rest instead of the most common one if its score is at least this share of it."""
+_FEWEST_STILL = 3
+"""Least number of compared frames of such an arrangement; a slow press is still for two."""
+_CLEAR_SKEWNESS = 0.25
+"""Skewness of the change of areas from one arrangement to another, above which the other is known to be
+pressed: nine of ten presses on gel pads exceed 0.3; of membranes, the skewness scatters around 0."""
+_DOUBT_SHARE = 0.5
+"""The rest is doubtful if another arrangement has a larger share of the score of the chosen one, and neither
+is clearly pressed."""
 
 
 class RestDoubt(Enum):
@@ -77,7 +91,7 @@ class RestArrangement:
     """Frames that show the markers at the same positions.
 
     Attributes:
-        frames: places of the frames.
+        frames: numbers of its frames among those that were compared.
         score: their number times that of their separate visits.
         position_px: (m, 2) median, NaN where not seen.
     """
@@ -88,23 +102,21 @@ class RestArrangement:
 
 
 class _Comparison:
-    """Differences between arrangements of the markers of one layout."""
+    """How positions (m, 2) of the markers of one layout, px, differ; NaN where a marker is not seen."""
 
     def __init__(self, rest_px: Points2) -> None:
         self._pitch_px = float(np.median(local_spacing(rest_px)))
         self._motion = LocalMotion(refinements=4)
         self._groups = marker_groups(rest_px, self._pitch_px)
         self._spacing = marker_spacing(rest_px, rest_px.mean(axis=0), nearest_neighbours(rest_px))
-        self.floor = self._motion.floor_pitch
-        self.creep_share = self._motion.creep_share
 
-    def step(self, before_px: Points2, after_px: Points2) -> float:
-        """Distance in pitches within which most markers have moved; infinite where too few are seen."""
+    def usual_motion(self, before_px: Points2, after_px: Points2) -> float:
+        """Length in pitches that 80 % of the motions do not exceed; infinite where too few are seen."""
         moved = np.linalg.norm(after_px - before_px, axis=1)
         moved = moved[np.isfinite(moved)] / self._pitch_px
         return float(np.quantile(moved, 0.8)) if len(moved) >= _FEWEST_MARKERS else float("inf")
 
-    def motion(self, before_px: Points2, after_px: Points2) -> float:
+    def group_motion(self, before_px: Points2, after_px: Points2) -> float:
         """Largest motion of a group of markers in pitches; infinite where too few are seen."""
         moved = after_px - before_px
         is_seen = np.isfinite(moved[:, 0])
@@ -112,12 +124,28 @@ class _Comparison:
             return float("inf")
         return float(self._motion(self._groups, moved, is_seen).max())
 
-    def spread(self, before_px: Points2, after_px: Points2) -> float:
-        """From -1 to 1: positive if markers have spread at one place, negative if they have contracted."""
+    def area_skewness(self, before_px: Points2, after_px: Points2) -> float:
+        """Skewness, from -1 to 1, of the change of the areas between markers.
+
+        It is positive if the markers of one place have spread apart, and negative if they have contracted.
+        """
         moved = np.nan_to_num(after_px - before_px)
         area, _ = self._spacing(moved)
         area = area - np.median(area)
         return float((area.max() + area.min()) / max(float(area.max() - area.min()), 1e-12))
+
+    def is_kept_of_a_press(self, rest_px: Points2, first_px: Points2, place_px: Iterable[Points2]) -> bool:
+        """Whether the first positions differ from the rest only by what the sheet keeps of its presses.
+
+        Args:
+            rest_px: (m, 2) the rest.
+            first_px: (m, 2) the first positions.
+            place_px: (m, 2) positions in frames of the whole recording.
+        """
+        farthest = max(self.group_motion(rest_px, each) for each in place_px)
+        away = self.group_motion(rest_px, first_px)
+        is_crept = self._motion.floor_pitch < away <= self._motion.creep_share * farthest
+        return is_crept and self.area_skewness(rest_px, first_px) < _CLEAR_SKEWNESS
 
 
 def rest_of_recording(
@@ -136,8 +164,8 @@ def rest_of_recording(
     from manytouch.detection import DotSearch
 
     stride = 2 * max(1, -(-min(frame_count or MOST_READ, MOST_READ) // MOST_TRACKED))
-    spread = (frame for k, frame in enumerate(islice(frames, MOST_READ)) if k % stride < 2)
-    tracked = track_frames(DotSearch(roi_px=roi_px), MarkerTracker(roi_px=roi_px), spread, sensor)
+    pairs = (frame for k, frame in enumerate(islice(frames, MOST_READ)) if k % stride < 2)
+    tracked = track_frames(DotSearch(roi_px=roi_px), MarkerTracker(roi_px=roi_px), pairs, sensor)
     found = [(each.frame.index, each.grid) for each in tracked]
     return settle_rest(sensor, [grid for _, grid in found], [index for index, _ in found])
 
@@ -147,8 +175,10 @@ def with_unrelated_pictures(sensor: Sensor, frames: Sequence[Frame], roi_px: Roi
     from manytouch.detection import DotSearch
 
     tracked = track_frames(DotSearch(roi_px=roi_px), MarkerTracker(roi_px=roi_px), frames, sensor)
-    shown = sum(each.grid.status is Status.OK and each.grid.is_seen.mean() >= _SHOWN for each in tracked)
-    if shown > 0.5 * len(frames):
+    shown = sum(
+        each.grid.status is Status.OK and each.grid.is_seen.mean() >= _SHOWN_SHARE for each in tracked
+    )
+    if shown > _SHOWN_SHARE * len(frames):
         return sensor
     sentence = (
         f"Only {shown} of {len(frames)} pictures spread over the folder show the markers of the first "
@@ -174,28 +204,26 @@ def settle_rest(sensor: Sensor, grids: Sequence[TrackedGrid], indices: Sequence[
     still = [
         k
         for k, after in pairwise(usable)
-        if indices[after] == indices[k] + 1 and compare.step(place_px[k], place_px[after]) < _STILL
+        if indices[after] == indices[k] + 1
+        and compare.usual_motion(place_px[k], place_px[after]) < _STILL_PITCHES
     ]
     if len(still) < 2:
         return _doubtful(sensor, RestDoubt.NEVER_STILL)
-    chosen = np.unique(np.linspace(0, len(still) - 1, _MOST_FRAMES).round().astype(int))
-    sample = np.stack([place_px[still[k]] for k in chosen])
+    compared = [
+        still[k] for k in np.unique(np.linspace(0, len(still) - 1, _MOST_COMPARED).round().astype(int))
+    ]
+    sample = np.stack([place_px[k] for k in compared])
     first_px = layout.rest_px
-    from_first = np.array([compare.motion(first_px, each) for each in sample])
-    if np.mean(from_first < _STILL) > 0.9:
+    from_first = np.array([compare.group_motion(first_px, each) for each in sample])
+    if np.mean(from_first < _STILL_PITCHES) > _UNMOVED_SHARE:
         return SettledRest(sensor=sensor)
-    found = _arrangements(sample, compare)
-    best, doubt = _least_pressed(found, compare)
+    best, doubt = _least_pressed(_arrangements(sample, compare), compare)
     if best is None:
         return _doubtful(sensor, RestDoubt.NEVER_TWICE)
-    farthest = max(
-        compare.motion(best.position_px, place_px[k]) for k in usable[:: max(1, len(usable) // 200)]
-    )
-    away = compare.motion(best.position_px, first_px)
-    is_crept = compare.floor < away <= compare.creep_share * farthest
-    if is_crept and compare.spread(best.position_px, first_px) < _CLEAR:
+    some_px = (place_px[k] for k in usable[:: max(1, len(usable) // 200)])
+    if compare.is_kept_of_a_press(best.position_px, first_px, some_px):
         return SettledRest(sensor=sensor)
-    frames = tuple(indices[still[chosen[k]]] for k in best.frames)
+    frames = tuple(indices[compared[k]] for k in best.frames)
     settled = _with_doubt(_with_rest(sensor, best.position_px, frames), doubt)
     return SettledRest(sensor=settled, still_frames=frames, doubt=doubt)
 
@@ -206,10 +234,10 @@ def _arrangements(sample: Float64[np.ndarray, "f m 2"], compare: _Comparison) ->
     motion = np.zeros((count, count))
     for a in range(count):
         for b in range(a):
-            motion[a, b] = motion[b, a] = compare.motion(sample[a], sample[b])
+            motion[a, b] = motion[b, a] = compare.group_motion(sample[a], sample[b])
     left, found = np.ones(count, dtype=np.bool_), []
     while True:
-        agrees = (motion < _STILL) & left & left[:, None]
+        agrees = (motion < _STILL_PITCHES) & left & left[:, None]
         members = agrees[np.argmax(agrees.sum(axis=1))]
         if members.sum() < 2:
             break
@@ -233,23 +261,23 @@ def _least_pressed(
         return None, None
     best, doubt = found[0], None
     for rival in found[1:]:
-        if rival.score < _RIVAL * found[0].score:
+        if rival.score < _RIVAL_SHARE * found[0].score:
             break
         if len(rival.frames) < _FEWEST_STILL:
             continue
-        spread = compare.spread(best.position_px, rival.position_px)
-        if spread < -_CLEAR:
+        skewness = compare.area_skewness(best.position_px, rival.position_px)
+        if skewness < -_CLEAR_SKEWNESS:
             best, doubt = rival, None
-        elif spread < _CLEAR and rival.score > _EVEN * best.score:
+        elif skewness < _CLEAR_SKEWNESS and rival.score > _DOUBT_SHARE * best.score:
             doubt = RestDoubt.EQUALLY_COMMON
     return best, doubt
 
 
 def _median(position_px: Float64[np.ndarray, "f m 2"]) -> Points2:
-    """(m, 2) medians over frames without their shifts as a whole; NaN for a marker that none shows.
+    """(m, 2) medians over frames, each shifted to their common place; NaN for a marker that is never seen.
 
-    The view of the frames is the same but for that: else medians of frames before and after the camera has
-    moved would be those of the frames between, which may be pressed.
+    Without these shifts, the median over frames before and after a motion of the camera would be a position
+    between both views, which the markers may have had while the sheet was pressed.
     """
     seen = np.isfinite(position_px[..., 0]).any(axis=0)
     middle = np.full(position_px.shape[1:], np.nan)
