@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float64
 
 from manytouch.calibration.dot_sharpness import edge_width_px, is_soft
 from manytouch.calibration.marker_tracks import MarkerTracks, track_markers
@@ -23,7 +24,7 @@ from manytouch.geometry.refraction import onto_plane_through_window, project_thr
 from manytouch.limits import sheet_mistake
 from manytouch.tracking.lattice.find import local_spacing
 from manytouch.values import Camera, Frame, Layout, Roi, Sensor, Sheet
-from manytouch.values.arrays import Points2, read_only
+from manytouch.values.arrays import Mask, Points2, read_only
 
 # All of these limits are choices; none was fitted to recordings.
 SEEN_SHARE = 0.5
@@ -84,28 +85,15 @@ def calibrate_rest(
     with_layout, registered = layout_and_rest(sensor, frames, pitch_mm=pitch_mm, roi_px=roi_px)
     layout, pad = with_layout.layout, pad_of(sensor)
     assert layout is not None
-    if layout.polarity == "auto":
-        assert registered.layout is not None
-        polarity, weights = registered.layout.polarity, registered.layout.colour_weights
-        layout = replace(layout, polarity=polarity, colour_weights=weights)
+    layout = _with_determined_polarity(layout, registered)
     all_tracks = track_markers(registered, frames, roi_px)
     motion_px, at_rest = _frames_at_rest(all_tracks, registered)
     seen = all_tracks.of(at_rest)
     frames = [frame for frame, is_still in zip(frames, at_rest, strict=True) if is_still]
-    share = seen.is_seen.mean(axis=0)
-    is_missing = share < SEEN_SHARE
-    if int((~is_missing).sum()) < LEAST_MARKERS:
-        raise LayoutError(
-            f"only {int((~is_missing).sum())} of {len(is_missing)} markers were seen in most frames: check "
-            "light and focus"
-        )
+    is_present = _seen_in_most_frames(seen)
     place_px = seen.median_px(np.ones(len(seen.timestamp_ns), dtype=np.bool_))
-    is_used = ~is_missing & np.isfinite(place_px[:, 0])
-    camera, std = fit_pose(with_layout.camera, layout.rest_mm[is_used], place_px[is_used], pad)
-    std = np.hypot(std, pose_std_by_lens(camera, layout.rest_mm[is_used], pad))
-    camera = replace(
-        camera, rotation_vector_std=read_only(std[:3].copy()), translation_std_mm=read_only(std[3:].copy())
-    )
+    is_used = is_present & np.isfinite(place_px[:, 0])
+    camera, std = _fitted_camera(with_layout.camera, layout.rest_mm[is_used], place_px[is_used], pad)
     px_per_mm = _px_per_mm(camera, sensor.sheet, place_px[is_used])
     if sensor.layout is None:
         layout = _with_measured_radius(layout, px_per_mm, seen, is_used)
@@ -174,6 +162,44 @@ def layout_and_rest(
             raise
     found = register_nominal(with_layout, frames, roi_px=roi_px)
     return found, found
+
+
+def _with_determined_polarity(layout: Layout, registered: Sensor) -> Layout:
+    """The layout; a polarity "auto" and the colour weights are replaced by those that the frames show."""
+    if layout.polarity != "auto":
+        return layout
+    assert registered.layout is not None
+    polarity, weights = registered.layout.polarity, registered.layout.colour_weights
+    return replace(layout, polarity=polarity, colour_weights=weights)
+
+
+def _seen_in_most_frames(seen: MarkerTracks) -> Mask:
+    """(m,) whether each marker is seen in at least `SEEN_SHARE` of the frames.
+
+    Raises:
+        LayoutError: fewer than `LEAST_MARKERS` are.
+    """
+    is_present = seen.is_seen.mean(axis=0) >= SEEN_SHARE
+    if int(is_present.sum()) < LEAST_MARKERS:
+        raise LayoutError(
+            f"only {int(is_present.sum())} of {len(is_present)} markers were seen in most frames: check "
+            "light and focus"
+        )
+    return np.asarray(is_present)
+
+
+def _fitted_camera(
+    camera: Camera, rest_mm: np.ndarray, place_px: Points2, pad: Sheet | None
+) -> tuple[Camera, Float64[np.ndarray, "6"]]:
+    """The camera with the pose in which it shows markers (n, 3) at places (n, 2), and deviations of that.
+
+    The deviations (6,) of rotation vector (rad) and translation (mm) contain those by the lens.
+    """
+    fitted, std = fit_pose(camera, rest_mm, place_px, pad)
+    std = np.hypot(std, pose_std_by_lens(fitted, rest_mm, pad))
+    rotation_std, translation_std_mm = read_only(std[:3].copy()), read_only(std[3:].copy())
+    fitted = replace(fitted, rotation_vector_std=rotation_std, translation_std_mm=translation_std_mm)
+    return fitted, std
 
 
 def _frames_at_rest(seen: MarkerTracks, registered: Sensor) -> tuple[np.ndarray, np.ndarray]:
