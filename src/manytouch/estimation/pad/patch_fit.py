@@ -1,11 +1,11 @@
 """Contacts on a pad as patches of pressure and shear, fitted to the marker images.
 
-Three free tractions at every node do not determine a normal force: shear explains every squeeze. So each
-contact is a patch of pressure with one of the profiles of `Profile`, the parameters `SHAPE` of its centre and
-second moment, and five loads in proportion to that pressure: normal force, shear along x and y, torque, and a
-radial shear, that of an object that sticks to the pad while the pad spreads. Broad normal priors state what
-the markers cannot show. Parameters are found by Gauss-Newton steps, damped as by D. W. Marquardt 1963
-(doi:10.1137/0111030).
+The marker images do not determine three free tractions at every node: shear alone could explain any image of
+a normal force. So each contact is a patch of pressure with one of the profiles of `Profile`. Its parameters
+are `SHAPE` numbers for centre and second moment, and five loads that are distributed in proportion to the
+pressure: normal force, shear along x and y, torque, and the radial shear of an object that sticks to the pad
+while the pad spreads. Broad normal priors describe what the markers cannot show. The parameters are fitted by
+Gauss-Newton steps that are damped as by D. W. Marquardt 1963 (doi:10.1137/0111030).
 """
 
 from dataclasses import dataclass, field
@@ -43,9 +43,10 @@ from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Points3, Scalars, read_only_view
 
 _FITTED = 2
-"""Parameters of the pad that are fitted: the first two. The depth of the markers looks like the shape of a
-contact; it counts in the covariance only, as a consider parameter (S. F. Schmidt 1966)."""
-_KEPT_STD = 1e-6  # of a parameter that is not fitted
+"""Number of parameters of the pad that are fitted, from the first one: Poisson's ratio and thickness. An
+error of the third, the depth of the markers, has nearly the same images as another shape of a contact. It
+only adds to the covariance, as a consider parameter (S. F. Schmidt 1966)."""
+_KEPT_STD = 1e-6  # prior standard deviation that keeps a parameter as it is
 _MIN_ROOT = 0.05  # least root of a second moment, in thicknesses
 _MOST_ROOT = 12.0**-0.5
 """Largest root along an axis, in sizes of the pad: that of a uniform pressure on all of it."""
@@ -72,15 +73,17 @@ class PadFit:
 
     Attributes:
         patches: of the contacts.
-        motion: (MOTIONS,) of the image.
-        misfit: squared whitened residual with the priors.
+        motion: (MOTIONS,) of the image: shift along x and y, growth, rotation.
+        misfit: sum of the squared residuals over their variances, and of the squared deviations from the
+            priors over theirs.
         residual_px: (2 m,) measured minus fitted.
         weight: (2 m,) inverse variances of the measurement, 0 where not seen.
         sheet: (k,) Poisson's ratio, thickness and depth of the markers, in standard deviations from those
             of the sensor.
-        covariance: (PARAMETER_COUNT c + MOTIONS + k, ...) of all parameters by noise and priors.
-        by_sheet: (PARAMETER_COUNT c + MOTIONS + k, f) their change by the share of each parameter's deviation
-            that is not fitted.
+        covariance: (p, p) of the p = PARAMETER_COUNT c + MOTIONS + k parameters of contacts, motion and pad,
+            by noise and priors; (0, 0) where it was not requested.
+        by_sheet: (p, f) change of these parameters by the part of the deviation of each of the f fitted
+            parameters of the pad that is not fitted (`PatchFitter.fitted_share`); (0, 0) likewise.
     """
 
     patches: Patches
@@ -144,14 +147,17 @@ class PatchFitter:
 
     Attributes:
         prior: of a contact.
-        shift_px, growth, turn_rad: standard deviations of the motion of the image.
-        moved_stds: of a motion from which the camera has moved: its deviation is then the motion itself, and
-            the misfit no larger than from this motion on.
-        fitted_share: share of the standard deviations of Poisson's ratio and of the thickness that is fitted.
-            The rest counts in the covariance only, since the error of the model is taken for theirs.
-        max_steps: of the iteration.
-        least_gain, rough_gain: reduction of the misfit by a step below which a fit ends, and one that another
-            fit follows.
+        shift_px, growth, turn_rad: prior standard deviations of the motion of the image: of its shift along
+            each axis, of its growth over its size, and of its rotation.
+        moved_stds: a motion of the image by more standard deviations than this means that the camera has
+            moved. Its standard deviation is then set to the motion itself, and it adds as much to the misfit
+            as a motion of this many deviations.
+        fitted_share: share of the standard deviations of Poisson's ratio and of the thickness with which they
+            are fitted; errors of the model would be attributed to them otherwise. The rest of the deviations
+            only adds to the covariance.
+        max_steps: largest number of steps.
+        least_gain, rough_gain: a fit ends when a step reduces the misfit by less than `least_gain`; one that
+            is followed by another fit, by less than `rough_gain`.
     """
 
     prior: PatchPrior = field(default_factory=PatchPrior)
@@ -192,14 +198,9 @@ class PatchFitter:
         count, parameters, rows = len(patches), len(model.by_parameter), len(measured_px)
         sheet = np.zeros((0, parameters, LOAD_COUNT, rows))
         if not is_sheet_known and count > 0:
-            sheet = np.stack(
-                [
-                    _by_sheet(model, shape, profile)
-                    for shape, profile in zip(
-                        read_only_view(patches.parameters)[:, :SHAPE], patches.profile.tolist(), strict=True
-                    )
-                ]
-            )
+            shapes = read_only_view(patches.parameters)[:, :SHAPE]
+            numbers = patches.profile.tolist()
+            sheet = np.stack([_by_sheet(model, *each) for each in zip(shapes, numbers, strict=True)])
         common = Common(motion=model.motion, sheet=sheet, std=self._common_std(parameters))
         theta = np.concatenate([patches.parameters.ravel(), np.zeros(MOTIONS + parameters)])
         work = Work(

@@ -1,5 +1,5 @@
-"""What may explain the markers better: a small patch where a pad may be pressed, another profile or width, or
-near contacts as one."""
+"""Changes of a fit that may explain the markers better: one more patch, another profile or width of a patch,
+or one patch instead of several near ones."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,13 +19,13 @@ _COLUMNS = 3  # normal force, shear x, shear y
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PatchCandidates:
-    """Small patches on a lattice.
+    """Small patches with their centres on a lattice, one of which a search chooses.
 
     Attributes:
-        centre_mm: (k, 2) of each.
-        column: (3 k, 2 m) marker images by unit loads: normal force, shear x, shear y.
-        inverse: (k, 3, 3) inverse matrices of their products.
-        root_mm: root of their second moment.
+        centre_mm: (k, 2) of each, sheet frame.
+        column: (3 k, 2 m) marker images by the unit loads of each: normal force, shear x, shear y.
+        inverse: (k, 3, 3) inverse of the products of these three images with each other.
+        root_mm: root of the second moment, the same of all.
     """
 
     centre_mm: Points2
@@ -36,13 +36,14 @@ class PatchCandidates:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PatchSearch:
-    """Finds the patch that reduces a misfit most.
+    """Finds the small patch that reduces a misfit most.
 
     Attributes:
-        step, root: distance of candidates and root of their second moment, in thicknesses; the distance is at
-            most one pitch, but at least a fiftieth of the longer side.
-        wider: roots of the guess at the best candidate that are tried too, over that of the candidate: from a
-            guess that is much too narrow, a fit of a wide contact ends at a worse minimum.
+        step: distance of neighbouring candidates, in thicknesses; at most one pitch, but at least 2 % of the
+            longer side.
+        root: root of the second moment of the candidates, in thicknesses.
+        wider: factors of this root that are tried at the place of the best candidate. From a guess that is
+            much too narrow, the fit of a wide contact ends at a worse minimum.
         max_shear: largest ratio of shear to normal force of a candidate.
     """
 
@@ -76,9 +77,16 @@ class PatchSearch:
         residual_px: Float64[np.ndarray, " r"],
         weight: Float64[np.ndarray, " r"],
     ) -> tuple[np.ndarray | None, float]:
-        """The guess (PARAMETER_COUNT,) that reduces the misfit most, and this gain; None if none presses.
+        """The patch that reduces the misfit most, and by how much.
 
-        `residual_px` is measured minus fitted.
+        Args:
+            candidates: of the pad.
+            residual_px: (2 m,) measured minus fitted.
+            weight: (2 m,) inverse variances of the measurement, 0 where not seen.
+
+        Returns:
+            A guess (PARAMETER_COUNT,) for a fit, and the reduction of the misfit; None and 0 if no candidate
+            has best loads that press, with a shear of at most `max_shear`.
         """
         pull = _pulls(candidates.column, residual_px, weight)
         load, gain = _loads(candidates.inverse, pull, weight)
@@ -96,7 +104,14 @@ class PatchSearch:
         residual_px: Float64[np.ndarray, " r"],
         weight: Float64[np.ndarray, " r"],
     ) -> Float64[np.ndarray, "10"]:
-        """The guess with the root of the second moment that reduces the misfit most; residuals as above."""
+        """The guess with one of the roots of `wider`, or its own, whichever reduces the misfit most.
+
+        Args:
+            model: of the pad.
+            fitter: computes the marker images.
+            guess: (PARAMETER_COUNT,) of a round patch.
+            residual_px, weight: as in a search.
+        """
         root_mm = guess[2] * np.array([1.0, *self.wider])
         shapes = np.stack([_guess(guess[:2], root, np.zeros(_COLUMNS))[:SHAPE] for root in root_mm])
         column = fitter.images(model, shapes).column[:, :_COLUMNS]
@@ -106,7 +121,7 @@ class PatchSearch:
         return _guess(guess[:2], root_mm[best], load[best]) if best > 0 else guess
 
     def _is_press(self, load: Float64[np.ndarray, "k 3"]) -> Mask:
-        """(k,) whether loads press, and shear no more than they can."""
+        """(k,) whether the loads press, with a shear that friction can hold."""
         return np.asarray(
             (load[:, 0] > 0.0) & (np.hypot(load[:, 1], load[:, 2]) <= self.max_shear * load[:, 0])
         )
@@ -117,16 +132,17 @@ def _pulls(
     residual_px: Float64[np.ndarray, " r"],
     weight: Float64[np.ndarray, " r"],
 ) -> Float64[np.ndarray, "k 3"]:
-    """Weighted products of images by unit loads with residuals."""
+    """(k, 3) products of the images by the unit loads of each patch with the weighted residuals."""
     return np.asarray((column @ (weight * residual_px)).reshape(-1, _COLUMNS))
 
 
 def _loads(
     inverse: Float64[np.ndarray, "k 3 3"], pull: Float64[np.ndarray, "k 3"], weight: Float64[np.ndarray, " r"]
 ) -> tuple[Float64[np.ndarray, "k 3"], Scalars]:
-    """Loads (k, 3) with the least misfit, and by how much each reduces it (k,).
+    """Loads (k, 3) of each patch with the least misfit, and by how much they reduce it (k,).
 
-    With the median weight for all markers; what is not seen counts as a residual of 0.
+    So that `inverse` does not depend on the frame, all markers get the median weight of those that are seen;
+    one that is not seen counts with a residual of 0.
     """
     usual = float(np.median(weight[weight > 0.0])) if (weight > 0.0).any() else 0.0
     load = np.einsum("kij,kj->ki", inverse, pull) / max(usual, 1e-300)
@@ -134,7 +150,7 @@ def _loads(
 
 
 def _guess(centre_mm: np.ndarray, root_mm: float, load: np.ndarray) -> Float64[np.ndarray, "10"]:
-    """A round contact with a root of its second moment."""
+    """The parameters of a round patch with a root of its second moment and with three loads."""
     guess = np.zeros(PARAMETER_COUNT)
     guess[:SHAPE] = *centre_mm, root_mm, 0.0, root_mm
     guess[SHAPE : SHAPE + _COLUMNS] = load
@@ -143,18 +159,21 @@ def _guess(centre_mm: np.ndarray, root_mm: float, load: np.ndarray) -> Float64[n
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ProfileChoice:
-    """Tries other profiles of wide contacts, narrow contacts as wide ones, and near contacts as one.
+    """Tries other profiles of wide contacts, narrow contacts as wide ones, and several near contacts as one.
 
     Attributes:
-        gain: by how much another profile or width must reduce the misfit, and by how much near contacts as
-            one may increase it, in units of the misfit per degree of freedom of the fit that is tried (at
-            least 1, `misfit_scale`). A rim must reduce it by as much more: within a radius of a thickness
-            markers hardly show whether the middle of a contact is loaded, and flat faces are more usual.
-        root: least root of the second moment, in thicknesses, of a contact whose other profiles are tried;
-            the markers hardly show that of narrower ones. Near contacts as one are tried with each profile.
-        between: root, in pitches, below which a contact is between markers: it may be another minimum of the
-            misfit than that of a wide contact.
-        wider: root of a round dome as which it is tried then, over the quadratic mean of its principal roots.
+        gain: another profile or width must reduce the misfit by at least this number of times the misfit per
+            degree of freedom of the new fit (`misfit_scale`); one contact instead of several near ones may
+            increase it by as much. Each additional rim requires as much reduction again: within a radius of a
+            thickness the markers hardly show whether the middle of a contact is loaded, and flat faces are
+            more common.
+        root: other profiles are tried of contacts whose second moment has at least this root, in thicknesses;
+            of narrower ones the markers hardly show the profile. One contact instead of several is tried with
+            each profile.
+        between: a contact with a smaller root, in pitches, lies between markers. It may be a minimum of the
+            misfit that is worse than that of a wide contact.
+        wider: such a contact is tried as a round dome, whose root is this factor of the quadratic mean of its
+            principal roots.
     """
 
     gain: float = 15.0
@@ -193,14 +212,18 @@ class ProfileChoice:
                 needed=needed,
             )
 
-        before = fitted(fit.patches)  # with the same parameters of the pad as what is compared
+        before = fitted(fit.patches)  # with the parameters of the pad that the fits it is compared with have
         best, best_merit = None, 0.0
 
         def compare(patches: Patches, *, is_start: bool = False) -> PadFit:
-            """The fit of guesses; unfinished where it cannot be the best and no other one starts with it."""
+            """The fit of guesses, which becomes `best` if it is better than that.
+
+            It is left unfinished if it cannot become the best one and is not the start of another fit.
+            """
             nonlocal best, best_merit
-            more = len(patches) == len(fit.patches)
-            least_gain = self.gain * ((1 if more else -1) + _rims(patches) - _rims(fit.patches)) + best_merit
+            is_same_count = len(patches) == len(fit.patches)
+            more_rims = _rims(patches) - _rims(fit.patches)
+            least_gain = self.gain * ((1 if is_same_count else -1) + more_rims) + best_merit
             needed = before.misfit - least_gain if least_gain >= 0.0 and not is_start else np.inf
             found = fitted(patches, needed)
             merit = (before.misfit - found.misfit) / misfit_scale(found) - least_gain
