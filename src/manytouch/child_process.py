@@ -19,7 +19,7 @@ from manytouch.blas_threads import ONE_THREAD
 from manytouch.errors import ManytouchError
 
 MOST_PARTS = 1000
-"""Of a message that is written at once; a little less than systems allow."""
+"""Largest number of parts of a message that is written at once; a little less than systems allow."""
 PIPE_BYTES = 1 << 20
 """So that a message is written at once, where the system allows it (Linux)."""
 

@@ -6,12 +6,12 @@ refused within a second. `docs/limits.md` states them for users.
 
 MAX_SIDE_PX = 32_768
 MAX_PIXELS = 2**26
-"""Of an image or a video frame: 67 million, three times those of a camera of 6000 x 4000 px."""
+"""Limit of an image or a video frame: 67 million, three times that of a camera of 6000 x 4000 px."""
 MAX_IMAGE_BYTES = 2**29
-"""Of an image file: a colour image of 16 bits and `MAX_PIXELS`, uncompressed, has 400 million."""
+"""Limit of an image file: a colour image of 16 bits and `MAX_PIXELS`, uncompressed, has 400 million."""
 MAX_MARKERS = 100_000
 MAX_MESSAGE_BYTES = 2**29
-"""Of a message of a recording, such as a frame or a reading."""
+"""Limit of one message of a recording, such as a frame or a reading."""
 MAX_FRAME_INDEX = 2**31 - 1
 """Number of a frame, which has 32 bits in tables and messages: 2 years at 30 frames per second."""
 MAX_FRAME_TIME_NS = 10 * 365 * 86_400 * 10**9

@@ -24,7 +24,7 @@ TRACKPY = {"frame": "frame", "marker": "particle", "x_px": "x", "y_px": "y"}
 REQUIRED_CONTACT_COLUMNS = 16
 """First columns of contacts.csv, which every version writes; older results have no others."""
 REQUIRED_FRAME_COLUMNS = 6
-"""The same of frames.csv."""
+"""First columns of frames.csv, which every version writes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

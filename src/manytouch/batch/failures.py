@@ -67,7 +67,7 @@ def shard_file(stem: str, suffix: str, shard: tuple[int, int] | None) -> str:
 
 
 def shards_of(names: Iterable[str], stem: str) -> list[str]:
-    """Those names that are tables of shards."""
+    """The names that are tables of shards."""
     pattern = re.compile(rf"{re.escape(stem)}-\d+-of-\d+\.[a-z]+")
     return sorted(name for name in names if pattern.fullmatch(name))
 

@@ -1,4 +1,4 @@
-"""Are the dots of an image round, or taller or wider than that?"""
+"""Whether the dots of an image are round, or squeezed along one axis."""
 
 import numpy as np
 

@@ -12,7 +12,7 @@ from manytouch.values.arrays import Points2
 _APART = 3.5
 """Spacings between neighbours of one group, at most: two markers that are missing in a row leave three."""
 _ADJACENT = 2.5
-"""The same to distinguish groups from strays between them: one missing marker leaves two."""
+"""The limit that distinguishes groups from strays between them: one missing marker leaves two."""
 _FEWEST = 12
 """Markers of a group: fewer may be glints."""
 _MARGIN = 2.0

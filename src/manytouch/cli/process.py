@@ -113,7 +113,7 @@ def process(
 
 
 def missing_inputs(inputs: Sequence[str]) -> list[str]:
-    """Those inputs that do not exist, each of which is reported."""
+    """The inputs that do not exist, each of which is reported."""
     missing = []
     for text in inputs:
         try:

@@ -31,7 +31,7 @@ from manytouch.values import Camera, Sensor, Sheet
 from manytouch.values.arrays import read_only
 
 MAX_SHEET_MM2, MAX_SIDE_MM = 1e6, 5e3
-"""Of the sheet with its rim; the deflection of the largest one takes 2 GB."""
+"""Largest area and side of a sheet with its rim; the deflection of the largest one takes 2 GB."""
 
 
 def design_sensor(requirements: Requirements, *, on_message: Callable[[str], object] | None = None) -> Design:

@@ -89,7 +89,7 @@ def _falls_at_border(
     image: Float32[np.ndarray, "h w"], y: int, x: int, offset: Int64[np.ndarray, "d s 2"],
     fall: Float32[np.ndarray, " d"],
 ) -> int:  # fmt: skip
-    """The same in those directions that stay in the image. Returns how many."""
+    """`_falls_inside` in those directions that stay in the image. Returns how many."""
     height, width = image.shape
     known = 0
     for direction in range(offset.shape[0]):

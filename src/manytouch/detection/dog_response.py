@@ -151,7 +151,7 @@ def _blur_row(
     row: Float32[np.ndarray, "2 wp"], narrow: Taps, wide: Taps,
     smooth: Float32[np.ndarray, " w"], response: Float32[np.ndarray, " w"],
 ) -> None:  # fmt: skip
-    """The same along a row whose ends are padded; `response` is the difference."""
+    """Blur along a row whose ends are padded; `response` is the difference of both results."""
     zero = u64(PADDING)
     inner, outer = row[0], row[1]
     for x in range(u64(smooth.shape[0])):

@@ -38,4 +38,4 @@ class ContactFinder(Protocol):
         """Contacts of the next frame; `motion` is None where too few markers are seen."""
 
     def is_touched(self, state: Any) -> bool:
-        """Was a contact found in the last frame, or one that is not confirmed yet?"""
+        """Whether a contact was found in the last frame, or one that is not confirmed yet."""

@@ -196,7 +196,7 @@ class ContactTracker:
     def _may_last(
         self, track: ContactTrack, is_loaded: Callable[[Points2], Mask] | None, status: Status
     ) -> bool:
-        """Can a contact that was not found in this frame still be there?"""
+        """Whether a contact that was not found in this frame can still be there."""
         if status is not Status.OK:
             return track.unseen < _UNUSABLE_FRAMES * self.bridge_frames
         if track.unseen >= self.bridge_frames:
@@ -210,7 +210,7 @@ class ContactTracker:
         found: Sequence[Contact],
         partner: dict[int, int],
     ) -> bool:
-        """Has a contact that was not found become one with another, which now has its force?"""
+        """Whether a contact that was not found has become one with another, which now has its force."""
         lost, lost_mm2 = track.contact, track.contact.normal_force_over_E_mm2
         for index, number in partner.items():
             before, now = state.tracks[index].contact, found[number]

@@ -297,14 +297,14 @@ class _Points:
     def displacement(
         self, spline: SheetSpline | None, residual_mm: Float64[np.ndarray, "m 3"]
     ) -> Float64[np.ndarray, "*shape 3"]:
-        """Of the spline, plus what the markers are displaced beyond it."""
+        """Displacement of the spline, mm, plus the displacement of the markers from it."""
         found_mm = np.stack([self.between_markers(residual_mm[:, axis]) for axis in range(3)], axis=-1)
         if spline is not None:
             found_mm += self.face(spline).displacement_mm(spline).reshape(found_mm.shape)
         return found_mm
 
     def pressure_kPa(self, spline: SheetSpline | None) -> Field:
-        """Of the forces of a spline; NaN without one."""
+        """Pressure by the forces of a spline; NaN without one."""
         shape = self.is_inside.shape
         if spline is None:
             return np.full(shape, np.nan)

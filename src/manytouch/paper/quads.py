@@ -31,7 +31,7 @@ SIGNS = np.array([[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]])
 """Signs of x and y of the corners 1, 2, 3, 4 in the sum of equations 12 and 13, third term y2 - y3."""
 
 PRINTED_SIGNS = np.array([[-1.0, 0.0], [1.0, 1.0], [1.0, 0.0], [-1.0, -1.0]])
-"""The same with the third term as printed, y2 - y1: y1 cancels, and y3 is not used."""
+"""Signs of the same sum with the third term as printed, y2 - y1: y1 cancels, and y3 is not used."""
 
 Corners = Float64[np.ndarray, "q 4 2"]
 """Positions of the corners 1 to 4 of quads, x and y, or derivatives by them."""

@@ -242,7 +242,7 @@ def open_recording(path: Path) -> Recording:
 
 
 def _prefix(path: Path, sensors: Sequence[str], sensor: str | None) -> str:
-    """Of the topics of a sensor of a rig; empty for the recording of one sensor."""
+    """Start of the topics of one sensor of a rig; empty for the recording of a single sensor."""
     if sensor is None and not sensors:
         return ""
     if sensor in sensors:

@@ -91,7 +91,7 @@ def _require_spline(spline: SheetSpline) -> None:
 
 
 def _is_held(patch: SplinePatch) -> bool:
-    """Do the conditions on the outline determine the outermost coefficients?"""
+    """Whether the conditions on the outline determine the outermost coefficients."""
     try:
         shares = [patch.end_shares(axis) for axis in (0, 1)]
     except (np.linalg.LinAlgError, ValueError):

@@ -42,7 +42,7 @@ class ThroughputMeter:
 
     @property
     def readings_per_s(self) -> float:
-        """Of the last two seconds, or of the last `_COUNTED` readings if these took less."""
+        """Rate over the last two seconds, or over the last `_COUNTED` readings if these took less."""
         now_ns = time.monotonic_ns()
         recent = [done_ns for done_ns in tuple(self._done_ns) if now_ns - done_ns < RATE_OVER_NS]
         span_ns = max(now_ns - recent[0], 1) if len(recent) > 1 else 0

@@ -24,7 +24,7 @@ EASE_S = 0.05  # time in which a finger comes 63 % nearer to its target
 MAX_DEPTH_STEP_MM = 2.5
 """Largest change of the depth in one frame, so that the solution can follow."""
 MAX_SIDEWAYS_STEP_MM = 6.0
-"""The same of x and y together."""
+"""Largest change of x and y together in one frame."""
 LIFTED_MM = -3.0  # target depth of a lifted finger: above the face
 ALONE_S = 3.0  # the scene goes on when nobody has pressed for so long
 MAX_EVALUATIONS = 18  # of the live sheet's energy in a frame

@@ -51,7 +51,7 @@ class ClearForceCount:
         }
 
     def sentence(self) -> str | None:
-        """The same in words; None if no contact has a force."""
+        """The counts and the largest force as a sentence; None if no contact has a force."""
         if self._frames == 0:
             return None
         counted = f"{self._frames_clear} of {self._frames} frames with contacts have one"

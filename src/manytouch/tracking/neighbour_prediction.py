@@ -13,8 +13,8 @@ _LEAST_QUADRATIC, _LEAST_AFFINE = 10, 4
 """Least number of neighbours of a fit: more than its 6 or 3 unknowns, so that one false match does not
 determine it."""
 _MOST_NOISE_VARIANCE = 0.6
-"""Of a prediction, over the variance of one neighbour. Quadratic fits to a square lattice have 0.30 inside,
-0.59 at a straight side and 0.70 next to a corner; the affine fit at a corner has 1.3."""
+"""Largest variance of a prediction over that of one neighbour. Quadratic fits to a square lattice have 0.30
+inside, 0.59 at a straight side and 0.70 next to a corner; the affine fit at a corner has 1.3."""
 _RIDGE = 1e-9
 """Added to the diagonal of the normal matrix, which is singular for neighbours on one line."""
 _SOFTENING = 0.3

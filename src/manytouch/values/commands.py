@@ -119,7 +119,7 @@ Command = (
 
 
 def command_kind(command: Command) -> tuple[str, int | str]:
-    """Of commands that wait, only the newest of each kind is carried out: the others are replaced by it."""
+    """The kind of a command. Of several of one kind that wait, only the newest is carried out."""
     match command:
         case Resume() | Pause():
             return "run", ""

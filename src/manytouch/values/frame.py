@@ -12,7 +12,7 @@ from manytouch.limits import MAX_FRAME_INDEX
 from manytouch.values.arrays import Image, plain, reduced
 
 LEVEL_TYPES = (np.dtype(np.uint8), np.dtype(np.uint16))
-"""Of the pixels of an image."""
+"""Types of the pixels of an image."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

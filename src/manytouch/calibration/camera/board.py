@@ -16,7 +16,7 @@ FORMS = "chessboard:9x6 (inner corners), charuco:8x6 (squares), circles:9x6 or c
 MARKER_SHARE = 0.75
 """Side of a ChArUco marker over the side of a square."""
 DEFAULT_DICTIONARY = "DICT_4X4_250"
-"""Of ChArUco markers, as OpenCV names it."""
+"""Dictionary of ChArUco markers, as OpenCV names it."""
 LONGEST_SHOWN = 60  # characters of a text in a message
 LEAST_SQUARE_MM, LARGEST_SQUARE_MM = 1e-3, 1e5
 _SEARCH_WIDTH_PX = 1280  # boards are searched in images of at most this width, then refined

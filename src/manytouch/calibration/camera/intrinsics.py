@@ -204,7 +204,7 @@ def _residuals_and_derivatives(
 
 
 def _deviations(residual: list[np.ndarray], derivative: list[np.ndarray], free: np.ndarray) -> np.ndarray:
-    """Of the camera's own parameters; the poses are eliminated (Schur complement)."""
+    """Standard deviations of the camera's own parameters; the poses are eliminated (Schur complement)."""
     count = int(free.sum())
     reduced = np.zeros((count, count))
     for slope in derivative:

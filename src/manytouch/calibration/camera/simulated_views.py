@@ -32,7 +32,7 @@ CIRCLE_SHARE = 0.3
 MOST_VIEWS = 200
 TILTS_DEG = (15.0, 25.0, 35.0)
 DISTANCES = (1.0, 1.25, 1.5)
-"""Of the board from the camera, over the distance that is in focus."""
+"""Distances of the board from the camera, over the distance that is in focus."""
 PLACES = ((0.0, 0.0), (-1.0, -1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (0.0, -1.0), (0.0, 1.0), (1.0, 0.0))
 """Where the board is in the view, as far as it stays in it: 0 the centre, 1 the border."""
 MARGIN_PX = 4.0

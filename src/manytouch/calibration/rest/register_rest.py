@@ -24,7 +24,7 @@ TOUCHED_PITCHES = 0.08
 """A larger local distance of markers from where the sensor file has its lattice is by a touch, and not by the
 print. Chosen on the scene sim:one, where a press 2.6 mm deep moves markers so far (ADR 112)."""
 MOVED_PITCHES = 0.05
-"""The same where the file states measured places."""
+"""The limit where the sensor file states measured places, instead of `TOUCHED_PITCHES`."""
 _LEAST_SHARE = 0.5
 _UNUSUAL_STDS = 4.0
 _SAME_DOT = 0.3  # distance of a marker from its own dot, over the root of the area of a dot

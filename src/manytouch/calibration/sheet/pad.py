@@ -25,7 +25,7 @@ MODEL_SHARE = 0.05
 """Relative standard deviation of a force that the model does not explain, common to all presses: a choice.
 With it, E of the seven simulated pads of ADR 117 is 6 % (RMS) off, and within 1.8 of its deviations."""
 SHEAR_SHARE = 0.05
-"""The same of a shear force: the same choice."""
+"""`MODEL_SHARE` of a shear force: the same choice."""
 MAX_ANGLE_RAD = 0.2
 """A shear force that points farther away from the weight gives a warning: a choice, 11 degrees. With a wrong
 sign, or axes exchanged, a single tilt is 180 or 90 degrees away."""

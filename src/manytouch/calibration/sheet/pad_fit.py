@@ -35,7 +35,7 @@ SMALL_STEP_STDS = 0.2
 MOST_CHANGE_STDS = 3.0
 """Largest change of what the sensor file states."""
 LEAST_DEPTH_MM = 0.01
-"""Of the markers below the contact face."""
+"""Least depth of the markers below the contact face."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -177,7 +177,7 @@ class _Trial:
 
     @property
     def scatter(self) -> float:
-        """That of the moduli over what is expected of them, at least 1."""
+        """Scatter of the moduli over the expected scatter, at least 1."""
         return max(1.0, float(self.log_young.std(ddof=1)) / FORCE_STD)
 
     def values(self, scale: Float64[np.ndarray, " k"], log_young: float = 0.0) -> Float64[np.ndarray, " r"]:
@@ -194,7 +194,7 @@ class _Trial:
         return np.concatenate([forces, markers.ravel(), self.change])
 
     def residual(self, scale: Float64[np.ndarray, " k"]) -> Float64[np.ndarray, " r"]:
-        """The same with the modulus that fits best."""
+        """The residual with the modulus that fits best."""
         return self.values(scale, float(self.log_young.mean()))
 
 

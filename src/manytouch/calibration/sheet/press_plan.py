@@ -17,7 +17,7 @@ from manytouch.values.arrays import Points2
 
 WEIGHTS_G = (50, 100, 200)
 COLUMNS = ("input", "time_s", "x_mm", "y_mm", "radius_mm", "normal_force_N")
-"""Of a table of presses."""
+"""Columns of a table of presses."""
 GRAVITY_M_PER_S2 = 9.81
 """For all masses in the calibration, as the documentation states it; g at sea level is within 0.3 % of it."""
 PLACE_SHARE = 0.25

@@ -59,7 +59,7 @@ class InterpolationOptions:
     ] = None
 
     def parameters(self, verb: str, method: str | None) -> dict[str, Any]:
-        """Those that were given, by the names that the pipeline has for them.
+        """The options that were given, by the names that the pipeline has for them.
 
         Raises:
             CycloptsError: a parameter of idw is given for a spline, or is outside its limits.
@@ -186,7 +186,7 @@ class PaperOptions:
     ] = None
 
     def parameters(self, verb: str, method: str | None) -> dict[str, Any]:
-        """Those that were given, by the names that the pipeline has for them.
+        """The options that were given, by the names that the pipeline has for them.
 
         Raises:
             CycloptsError: the method is not `paper`.

@@ -15,7 +15,7 @@ PRINTED_DENSITY_G_PER_CM3 = 1.2
 SCREW_LENGTHS_MM = (8, 10, 12, 16, 20, 25, 30)
 COLUMNS = ("item", "count", "what", "remark", "example", "price_range_EUR_rough_estimate")
 LEAST_F_NUMBER, LARGEST_F_NUMBER = 1.8, 8.0
-"""Of common small lenses."""
+"""Range of the f-numbers of common small lenses."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +101,7 @@ def camera_type(found: Design) -> CameraType:
 
 
 def focal_length_mm(found: Design) -> float:
-    """Of the lens on `camera_type`, if the whole width of its sensor is read."""
+    """Focal length of the lens on `camera_type`, if the whole width of its sensor is read."""
     return camera_type(found).sensor_mm / (2 * math.tan(math.radians(found.requirements.camera.hfov_deg) / 2))
 
 

@@ -157,7 +157,7 @@ class LoadContactFinder:
         return state, contacts
 
     def is_touched(self, state: LoadContactState) -> bool:
-        """Was a contact found in the last frame, or one that is not confirmed yet?"""
+        """Whether a contact was found in the last frame, or one that is not confirmed yet."""
         return bool(state.tracks.tracks)
 
     def _peaks(

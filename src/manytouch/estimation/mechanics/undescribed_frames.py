@@ -112,11 +112,11 @@ class UndescribedFrames:
         return float(np.hypot(model_std_px, self.model_share * _rms(grid.position_px - reference_px, grid)))
 
     def is_fitted(self, model: InversionModel, undescribed: int) -> bool:
-        """Is the next frame fitted, after so many in a row that the sheet did not describe?"""
+        """Whether the next frame is fitted, after so many in a row that the sheet did not describe."""
         return model.is_assumed or undescribed % self.retry_frames < self.wait_frames
 
     def is_torn(self, grid: TrackedGrid, reference_px: Points2, neighbours: Neighbours) -> bool:
-        """Do neighbours move so differently that the markers are not those of one sheet?"""
+        """Whether neighbours move so differently that the markers are not those of one sheet."""
         motion_px, nearest = grid.position_px - reference_px, neighbours.index[:, 0]
         both = grid.is_seen & grid.is_seen[nearest]
         rough_px = motion_px[both] - motion_px[nearest[both]]
@@ -125,7 +125,7 @@ class UndescribedFrames:
     def describes(
         self, model: InversionModel, fit: Fit, grid: TrackedGrid, reference_px: Points2, pitch_px: float
     ) -> bool:
-        """Does the sheet describe the frame?"""
+        """Whether the sheet describes the frame."""
         if fit.status is not Status.OK:
             return False
         if not model.is_assumed and fit.chi2 <= self.most_chi2:

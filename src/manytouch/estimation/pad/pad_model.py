@@ -27,12 +27,12 @@ _LAYER_REACH = 3.0
 """Distance from a load, in thicknesses, up to which the exact response of a layer is used. Further away all
 motion is in `BondedPadModel.by_sides`: by shear it is up to 7 % of the largest, and smooth."""
 _PERIOD = 8.0
-"""Of loads of the layer on nodes, in thicknesses: copies of a load are 5 or more from where it is used,
-where they move markers by less than 1 % of the largest motion by shear, 3 % in the plane by pressure."""
+"""Period of the loads of the layer on nodes, in thicknesses: copies of a load are 5 or more from where it is
+used, and move markers there by less than 1 % of the largest motion by shear, 3 % in the plane by pressure."""
 _DISTANCES = 300  # of the table of the layer; linear interpolation is within 0.6 % of the largest motion
 _ROOTS = (0.05, 0.6, 14)
-"""Of its Gaussians, in thicknesses: least, largest, number; linear interpolation between two is within 1.5 %
-of the largest motion."""
+"""Roots of the Gaussians of that table, in thicknesses: least, largest, number. Linear interpolation between
+two is within 1.5 % of the largest motion."""
 _STEP_MM = 1e-4  # of the derivative of the projection
 
 
@@ -91,7 +91,7 @@ class BondedPadModel:
 
     @property
     def thickness_mm(self) -> float:
-        """Of the pad."""
+        """Thickness of the pad."""
         return self.sheet.thickness_mm
 
     def by_node(self, along: Float64[np.ndarray, "nx ny *k"]) -> Float64[np.ndarray, "nodes *k"]:

@@ -75,8 +75,8 @@ class Markers(NamedTuple):
 
 
 _EXPONENT = (1.0, -0.25)
-"""Of 1 - r^2 in the profiles of a disc. That of a flat face has the mean of r^4 of the pressure under a rigid
-one on the exact layer where its radius is .95 thicknesses, the middle of the range in `Profile.FLAT`."""
+"""Exponents of 1 - r^2 in the profiles of a disc. With that of a flat face, the mean of r^4 is that under a
+rigid face on the exact layer with a radius of .95 thicknesses, the middle of the range in `Profile.FLAT`."""
 
 
 def _quadrature(profile: Profile, rings: int, count: int) -> Float64[np.ndarray, "q 3"]:

@@ -1,4 +1,4 @@
-"""Are the contacts found, where they are, and how hard do they press?"""
+"""Metrics of contacts: whether they are found, and errors of their places and forces."""
 
 from dataclasses import dataclass
 

@@ -21,7 +21,7 @@ COVERED = ("position", "depth", "force", "shear", "torque", "area")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coverage:
-    """Of one quantity.
+    """How often the intervals of one quantity contain the true value.
 
     Attributes:
         contacts: with an error and a deviation above 0.
@@ -47,7 +47,7 @@ class Coverage:
 
 
 def coverages(samples: ContactSamples) -> dict[str, Coverage | None]:
-    """Of each of `COVERED`, from the last frame of each contact; x and y are two components of one contact.
+    """Coverage of each of `COVERED` in the last frame of each contact; x and y are two components of one.
 
     The area is compared on a logarithmic scale, where its error is more even.
     """

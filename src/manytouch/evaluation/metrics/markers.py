@@ -1,4 +1,4 @@
-"""Are the dots found, where they are, and under their own numbers?
+"""Metrics of markers: whether they are found, errors of their places, and wrong identities.
 
 All from the tracked positions of the markers, which is what the tables contain.
 """

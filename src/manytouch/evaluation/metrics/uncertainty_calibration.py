@@ -1,4 +1,4 @@
-"""Does the method know how wrong it is? Observed errors against predicted deviations."""
+"""Whether deviations are right: observed errors are compared with predicted deviations."""
 
 from dataclasses import dataclass
 

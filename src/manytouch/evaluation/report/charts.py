@@ -27,7 +27,7 @@ Compared = Mapping[str, MethodErrors]
 
 
 def colour(number: int) -> str:
-    """Of the n-th method."""
+    """The colour of the method with this number."""
     return METHOD_COLOURS[number % len(METHOD_COLOURS)]
 
 

@@ -111,7 +111,7 @@ def main_trials(evaluation: Evaluation) -> tuple[Trial, ...]:
 
 
 def belongs(trial: Trial, name: str) -> bool:
-    """Does a recording belong to one of `PARTS`?"""
+    """Whether a recording belongs to one of `PARTS`."""
     if name == "all":
         return True
     if trial.case is None:
@@ -122,7 +122,7 @@ def belongs(trial: Trial, name: str) -> bool:
 
 
 def _promised(compared: Iterable[MethodErrors | None]) -> dict[str, bool]:
-    """Of which quantities any method gives deviations that can be rated."""
+    """Whether any method gives deviations of a quantity that can be rated, by quantity."""
     given = [uncertainty_calibrations(one) for one in compared if one is not None]
     return {name: any(one[name] for one in given) for name in ("centre", "depth", "position", "force")}
 

@@ -199,7 +199,7 @@ class SplinePatch:
         )
 
     def window(self, point_mm: Float64[np.ndarray, "k 2"]) -> PointWindow:
-        """The same as factors."""
+        """The basis functions at points (k, 2), as factors along both directions."""
         found = [self._window(axis, point_mm[:, axis]) for axis in self.axes]
         first, plane, bending = (np.stack(part, axis=1) for part in zip(*found, strict=True))
         return PointWindow(first=first, plane=plane, bending=bending)

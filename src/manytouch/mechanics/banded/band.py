@@ -58,7 +58,7 @@ class BandFactor:
         return result
 
     def whiten_many(self, right: Float64[np.ndarray, "k n"]) -> Float64[np.ndarray, "k n"]:
-        """The same, faster for many rows; each is rounded as it would be without the others."""
+        """As `whiten`, faster for many rows; each is rounded as it would be without the others."""
         result = np.empty_like(right)
         for start in range(0, len(right), LANES):
             part = right[start : start + LANES]

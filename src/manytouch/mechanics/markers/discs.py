@@ -63,7 +63,7 @@ class DiscPlaces(NamedTuple):
     points: int
 
     def of(self, chosen: Mask) -> "DiscPlaces":
-        """Those of some discs."""
+        """The places of some of the discs."""
         return DiscPlaces(
             Places(*(part[chosen] for part in self.centre)),
             self.first[chosen],

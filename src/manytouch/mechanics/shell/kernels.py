@@ -181,10 +181,10 @@ def strain(
 @kernel(fastmath=True, inline="always")
 @no_type_check
 def squared_cosine(slope_x: float, slope_y: float) -> float:
-    """Of the angle of a slope.
+    """Squared cosine of the angle of a slope.
 
-    Of the slope of b, which is that of the fibres, it is the curvature of the strain over the second
-    derivatives of b; of the slope of the deflection, the energy of shear over that for small slopes.
+    For the slope of b, which is that of the fibres, it is the curvature of the strain over the second
+    derivatives of b; for the slope of the deflection, the energy of shear over that for small slopes.
     """
     return 1.0 / (1.0 + slope_x * slope_x + slope_y * slope_y)
 

@@ -122,7 +122,7 @@ class Shell:
         return force
 
     def forces_and_tangent(self, coefficient_mm: Nodal, force: Nodal, tangent: np.ndarray) -> None:
-        """The same into `force`, and its derivative over E (mm) into `tangent` (nodes, 3, 3, 7, 8).
+        """Nodal forces into `force`, and their derivative over E (mm) into `tangent` (nodes, 3, 3, 7, 8).
 
         tangent[p, i, j, a, b] = d force[p, i] / d coefficient[q, j], where node q lies a - 3 further
         along the slow and b - 3 further along the fast axis.

@@ -49,7 +49,7 @@ class Linearisation:
         return np.asarray(self.force_changes(change_mm[None])[0])
 
     def force_changes(self, change_mm: Float64[np.ndarray, "k nodes 3"]) -> Float64[np.ndarray, "k nodes 3"]:
-        """The same for each of several changes."""
+        """First-order changes of the forces over E (mm^2) for each of several changes of the coefficients."""
         return self.shell.products(self.tangent, change_mm)
 
     def balance_change(self, change_mm: Nodal) -> Nodal:
@@ -133,7 +133,7 @@ class Linearisation:
         information_per_px2: Float64[np.ndarray, "m 2 2"],
         weighted_balance: Float64[np.ndarray, "k nodes 3"],
     ) -> Float64[np.ndarray, "k nodes 3"]:
-        """The same for each of several residuals and forces."""
+        """As `gradient`, for each of several residuals and forces."""
         patch = self.shell.patch
         is_unused = information_per_px2[:, [0, 1], [0, 1]] == 0.0
         gradients = self.balance_gradients(weighted_balance)

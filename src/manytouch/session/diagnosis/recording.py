@@ -196,7 +196,7 @@ def _describe_layout(layout: LayoutReport, dot_height_over_width: float) -> str:
 
 
 def _describe_odd_pitch(x_px: float, y_px: float, differs: float, dot_height_over_width: float) -> str:
-    """Is the picture squeezed, with its dots, or is the print uneven?"""
+    """Whether the picture is squeezed, with its dots, or the print is uneven."""
     text = f"; the pitch differs by {differs:.0%} along x and y"
     dots = np.log(dot_height_over_width) / np.log(y_px / x_px)  # 1 if the dots are squeezed as the pitch is
     if not np.isfinite(dots):

@@ -130,7 +130,7 @@ class _Press:
     seed: int
 
     def true_contacts(self) -> dict[int, TrueContact]:
-        """Those that touch, by their place in the list."""
+        """The contacts that touch, by their place in the list."""
         face, found, ball = self.pressed.face, {}, 0
         for number, contact in enumerate(self.contacts):
             if isinstance(contact, Ball):

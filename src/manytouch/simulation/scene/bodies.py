@@ -214,7 +214,7 @@ class _CloseIn(_PressSection):
     to_distance_mm: Positive
 
     def pair(self) -> tuple[Trajectory, Trajectory]:
-        """Of two bodies on opposite sides of the centre."""
+        """The paths of two bodies on opposite sides of the centre."""
         angle = math.radians(self.direction_deg)
         ahead = np.array([math.cos(angle), math.sin(angle)])
         none = [0.0, 0.0, 0.0]

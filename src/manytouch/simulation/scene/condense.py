@@ -116,7 +116,7 @@ def plane(state: SheetState, level: int) -> Deformation:
 
 
 def moved_plane(mesh: HexMesh, displacement_mm: Nodal, level: int) -> Deformation:
-    """The same from displacements (n, 3) of the nodes, of whatever program."""
+    """How a plane of nodes moved, from displacements (n, 3) of all nodes, computed by any program."""
     x_mm, y_mm = (with_middles(line) for line in mesh.lines_mm[:2])
     cells = [len(line) - 1 for line in mesh.lines_mm]
     layer = min(level, cells[2] - 1)

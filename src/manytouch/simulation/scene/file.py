@@ -172,13 +172,13 @@ class SceneFile:
 
     @property
     def layout(self) -> Layout:
-        """Of the sensor."""
+        """Layout of the sensor."""
         assert self.sensor.layout is not None
         return self.sensor.layout
 
     @property
     def sheet(self) -> Sheet:
-        """Of the sensor."""
+        """Sheet of the sensor."""
         assert self.sensor.sheet is not None
         return self.sensor.sheet
 

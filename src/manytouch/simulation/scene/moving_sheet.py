@@ -16,18 +16,18 @@ class MovingSheet(Protocol):
 
     @property
     def name(self) -> str:
-        """For people, and after `sim:`."""
+        """Name of the motion in messages, and after `sim:`."""
 
     @property
     def duration_s(self) -> float:
-        """Of the whole."""
+        """Duration of the whole motion."""
 
     @property
     def seed(self) -> int:
-        """Of the image noise."""
+        """Seed of the image noise."""
 
     def with_duration(self, duration_s: float) -> "MovingSheet":
-        """The same, cut or repeated to another duration."""
+        """The same motion, cut or repeated to another duration."""
 
     def motion_of(self, place_mm: Points2, height_mm: float = 0.0) -> PointMotion:
         """How points move that stand height_mm off the camera-side face above undeformed places (m, 2)."""

@@ -17,7 +17,7 @@ INFINITE = (9223372036, 854775807)
 
 
 def _name(recording: Recording) -> str:
-    """Of topics and frames; each sensor of a rig has its own, so that their bags can run together."""
+    """Name in topics and frames; each sensor of a rig has its own, so that their bags can run together."""
     sensor = recording.rig_sensor
     return "manytouch" if sensor is None else f"manytouch/{re.sub(r'[^A-Za-z0-9_]', '_', sensor)}"
 

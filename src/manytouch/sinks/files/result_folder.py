@@ -228,7 +228,7 @@ def is_in_use(path: Path) -> bool:
 
 
 def _prefix(final: Path) -> str:
-    """Of the hidden names that belong to a folder."""
+    """Start of the hidden names that belong to a folder."""
     label = final.name
     if len(os.fsencode(label)) > LONGEST_LABEL:
         label = hashlib.sha256(os.fsencode(label)).hexdigest()[:16]

@@ -137,7 +137,7 @@ class Annotator:
         drawing.arrow(picture, place, (float(end[0]), float(end[1])), drawing.VERMILION, width)
 
     def _radius_of(self, contact: Contact) -> float:
-        """Of a circle as large as the contact, in px of the drawn picture; half a pitch when not known."""
+        """Radius of a circle as large as a contact, in px of the drawn picture; half a pitch if not known."""
         radius = np.sqrt(contact.area_mm2 / np.pi) / mm_per_px(self._sensor.camera) * self.zoom
         return float(radius) if radius > 0 else 0.5 * self._pitch
 

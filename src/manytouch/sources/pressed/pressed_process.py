@@ -14,7 +14,7 @@ from manytouch.sources.source import Capabilities
 from manytouch.values import Frame, Press, Release, Sensor, Truth
 
 TRUTHS_KEPT = 60
-"""Of the latest frames: 2 s, longer than a viewer takes to show one. Each has 0.1 MB with 600 markers."""
+"""Number of latest frames: 2 s, longer than a viewer takes to show one. Each has 0.1 MB with 600 markers."""
 END_S = 2.0
 PROCESS = "the process of the simulated sensor"
 

@@ -329,7 +329,7 @@ class SensorFile(Section):
 
 
 def _keys_of(section: str, wrong: Collection[str]) -> set[str]:
-    """Those of the wrong keys that belong to a section, without its name."""
+    """The wrong keys that belong to a section, without its name."""
     return {key.removeprefix(f"{section}.") for key in wrong if key.startswith(f"{section}.")}
 
 

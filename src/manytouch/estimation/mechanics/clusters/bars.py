@@ -1,4 +1,4 @@
-"""Is a pair of clusters one bar? Decided by the markers.
+"""Decides by the markers whether a pair of clusters is one bar.
 
 A rigid face presses most with its ends or its corners, and two round patches describe that better than one
 ellipse. A bar whose pressure rises to its ends describes it as well as the two patches do; two balls, between
@@ -87,7 +87,7 @@ class BarRule:
         was_one: bool,
         is_unchanged: bool = False,
     ) -> bool | None:
-        """Are two clusters one bar? None where the markers do not determine the forces.
+        """Whether two clusters are one bar; None where the markers do not determine the forces.
 
         Args:
             model: of the sheet.

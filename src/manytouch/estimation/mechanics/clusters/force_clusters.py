@@ -194,7 +194,7 @@ class EarlierClusters:
 
     @staticmethod
     def none() -> "EarlierClusters":
-        """Those of a frame before the first one."""
+        """No clusters, as before the first frame."""
         nothing = read_only(np.zeros(0))
         return EarlierClusters(centre_mm=read_only(np.zeros((0, 2))), one_mm2=nothing, nodal_mm2=nothing)
 

@@ -26,7 +26,7 @@ from manytouch.geometry.spline.patch import Nodal
 from manytouch.values import Status
 
 LEAST_VARIANCE = 1e-12
-"""Of the prior of a ratio, instead of 0."""
+"""Least variance of the prior of a ratio, instead of 0."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

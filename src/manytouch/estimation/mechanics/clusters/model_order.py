@@ -226,7 +226,10 @@ class ModelOrder:
         return face if is_inside and is_better and is_edge_loaded else one
 
     def _is_plausible(self, nodes: ForceNodes, clusters: Clusters, number: int, one: PatchFit) -> bool:
-        """Is a fitted patch where the nodal forces are, about as strong, and on the nodes of the evidence?"""
+        """Whether a fitted patch is where the nodal forces are, and about as strong.
+
+        Enough of it has to be on the nodes of the evidence.
+        """
         shift_mm = np.abs(one.centre_mm - clusters.centre_mm[number])
         reach_mm = np.sqrt(np.diagonal(clusters.spread_mm2[number]))
         ratio = one.force_mm2 / float(clusters.normal_mm2[number])

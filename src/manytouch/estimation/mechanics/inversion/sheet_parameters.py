@@ -229,7 +229,7 @@ class PretensionEstimator:
         )
 
     def is_new_model_due(self, model: InversionModel, now: PretensionEstimate) -> bool:
-        """Has the estimate left the pretension of the model?"""
+        """Whether the estimate clearly differs from the pretension of the model."""
         off_mm = abs(now.mean_mm - model.shell.pretension_over_E_mm)
         return off_mm > self.new_model_stds * now.std_mm and off_mm > self.new_model_share * now.mean_mm
 
@@ -264,7 +264,7 @@ class ParameterResponse:
     image_slope_px: Points2
 
     def is_stale(self, model: InversionModel, fit: Fit) -> bool:
-        """Have the forces of a frame clearly other sizes than those of the response?"""
+        """Whether the total force of a frame clearly differs from that of the response."""
         total_mm2, before_mm2 = total_force_mm2(model, fit), self.total_mm2
         return not before_mm2 / _STALE <= total_mm2 <= before_mm2 * _STALE
 

@@ -123,7 +123,7 @@ class Ellipse:
 
     @staticmethod
     def of(moment_mm2: Float64[np.ndarray, "2 2"], covariance_mm4: Float64[np.ndarray, "3 3"]) -> "Ellipse":
-        """Of moments (2, 2) with the covariance (3, 3) of xx, xy, yy."""
+        """The ellipse of second moments (2, 2) with the covariance (3, 3) of xx, xy, yy."""
         size, axes = np.linalg.eigh(moment_mm2)
         size, axes = np.maximum(size[::-1], 0.0), axes[:, ::-1]
         angle_rad = float(np.arctan2(axes[1, 0], axes[0, 0]))

@@ -19,7 +19,7 @@ from manytouch.simulation.fem.contact.indenters import Sphere
 from manytouch.values import Sensor
 
 PLACES = {"centre": (0.0, 0.0), "left": (-PLACE_SHARE, -PLACE_SHARE)}
-"""Of the presses, in shares of the pad: two of the five places of a press plan."""
+"""Places of the presses, in shares of the pad: two of the five places of a press plan."""
 FRICTION = {"centre": 0.0, "left": 0.5}
 """Coulomb's coefficient of the tip at each place: nobody knows that of a real one."""
 SHARES = (0.3, 0.6, 1.0)

@@ -22,7 +22,7 @@ from manytouch.evaluation.suite.varied.sheets import SHEETS
 from manytouch.values import Frame, Sensor
 
 PLACES = {"centre": (0.0, 0.0), "left": (-PLACE_SHARE, -PLACE_SHARE), "right": (PLACE_SHARE, PLACE_SHARE)}
-"""Of the presses, in shares of the sheet: three of the five places of a press plan."""
+"""Places of the presses, in shares of the sheet: three of the five places of a press plan."""
 DEEPEST_MM, DEEPEST_SHARE = 3.0, 0.15
 """Depth of the deepest press, and its largest share of the distance from the clamp."""
 

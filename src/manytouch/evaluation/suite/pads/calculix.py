@@ -16,7 +16,7 @@ SIZE_MM, THICKNESS_MM = (25.25, 20.75), 4.0
 C10_MPA, BULK_OVER_SHEAR = 0.0725, 20.0
 POISSON = (3.0 * BULK_OVER_SHEAR - 2.0) / (6.0 * BULK_OVER_SHEAR + 2.0)
 YOUNG_MPA = 4.0 * C10_MPA * (1.0 + POISSON)
-"""Of small strains: 0.4279 MPa with Poisson's ratio 0.4754."""
+"""Young's modulus for small strains: 0.4279 MPa, with Poisson's ratio 0.4754."""
 
 Shape = Literal[
     "sphere_10",

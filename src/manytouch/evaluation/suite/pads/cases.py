@@ -122,7 +122,7 @@ HELD_OUT = (
 """Not to be looked at while a method is tuned."""
 QUICK = ("ball-3-mm", "ball-5-mm-near-a-side", "square-5-mm")
 QUICK_CALIBRATED = ("ball-3-mm",)
-"""Of the group `pads_calibrated`, in which each pad takes a calibration first."""
+"""Quick cases of the group `pads_calibrated`, in which each pad takes a calibration first."""
 _SEEDS = {"pads": 4000, "pads_nominal": 4100, "pads_calibrated": 4300}
 
 

@@ -26,7 +26,7 @@ QUICK = (
     "fingers-gel",
 )
 QUICK_CALIBRATED = ("line-5-mm",)
-"""Of the group `calibrated`, in which each sheet takes a calibration first."""
+"""Quick cases of the group `calibrated`, in which each sheet takes a calibration first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -73,7 +73,7 @@ def problem(case: VariedCase, finer: float = 1.0) -> tuple[GradedSheetModel, Loa
 
 
 def _shares(case: VariedCase) -> np.ndarray:
-    """Of the strengths, in each state; 0 at rest."""
+    """Shares of the full strengths of the presses in each state; 0 at rest."""
     return np.array([0.0] * case.is_sagging + list(case.shares))
 
 

@@ -13,7 +13,7 @@ from manytouch.values import Reading
 IMAGES_PER_S = 30.0
 NAME, INPUT = "presses.csv", "../frames"
 COLUMNS = ("input", "time_s", "x_mm", "y_mm", "radius_mm", "normal_force_N")
-"""Those of `calibration.sheet.press_plan`, which this layer may not import."""
+"""The columns of `calibration.sheet.press_plan`, which this layer may not import."""
 
 
 class TruePressTable:
