@@ -1,4 +1,4 @@
-"""An iterator in a thread of its own, a few items ahead of its consumer; and short turns of all threads."""
+"""An iterator in a thread of its own, a few items ahead of its consumer; and how often threads take turns."""
 
 import sys
 import threading
@@ -9,17 +9,18 @@ from types import TracebackType
 from typing import Generic, TypeVar
 
 Item = TypeVar("Item")
-_POLL_S = 0.05
+_POLL_S = 0.05  # time between two calls of `stop`
 SWITCH_INTERVAL_S = 5e-4
-"""Longest time for which one thread runs Python code while another waits for its turn. Python's default is
-5 ms: while a thread prepares a method, those of the frames would wait that long after each compiled call."""
+"""Longest time for which one thread runs Python code while another one waits. Python's default is 5 ms: while
+a thread prepares a method, the threads of the frames would wait that long after each compiled call."""
 
 
-class _Turns:
-    """Of the threads of this process.
+class _SwitchInterval:
+    """The switch interval of this process, which several blocks may shorten at once.
 
     Attributes:
-        blocks: number of blocks of `short_turns` that run.
+        lock: protects the others.
+        blocks: number of `short_switch_interval` blocks that have begun and not ended.
         before_s: interval before the first of them.
     """
 
@@ -29,24 +30,27 @@ class _Turns:
 
 
 @contextmanager
-def short_turns() -> Iterator[None]:
-    """Let threads wait for `SWITCH_INTERVAL_S` at most in this block, and as before after the last block."""
-    with _Turns.lock:
-        if _Turns.blocks == 0:
-            _Turns.before_s = sys.getswitchinterval()
+def short_switch_interval() -> Iterator[None]:
+    """Make threads wait for each other for at most `SWITCH_INTERVAL_S` within the block.
+
+    When the last of several blocks ends, the interval is what it was before the first one began.
+    """
+    with _SwitchInterval.lock:
+        if _SwitchInterval.blocks == 0:
+            _SwitchInterval.before_s = sys.getswitchinterval()
             sys.setswitchinterval(SWITCH_INTERVAL_S)
-        _Turns.blocks += 1
+        _SwitchInterval.blocks += 1
     try:
         yield
     finally:
-        with _Turns.lock:
-            _Turns.blocks -= 1
-            if _Turns.blocks == 0:
-                sys.setswitchinterval(_Turns.before_s)
+        with _SwitchInterval.lock:
+            _SwitchInterval.blocks -= 1
+            if _SwitchInterval.blocks == 0:
+                sys.setswitchinterval(_SwitchInterval.before_s)
 
 
 class _End:
-    """Follows the last item; with the error that ended the iteration, if one did."""
+    """What follows the last item: the error that ended the iteration, or None."""
 
     def __init__(self, error: BaseException | None = None) -> None:
         self.error = error
@@ -55,7 +59,7 @@ class _End:
 class BackgroundIterator(Generic[Item]):
     """Runs an iterator in a thread within a `with` block; iterating gives its items in order.
 
-    The thread waits when it is `ahead` items ahead. An error in it is raised in the consumer.
+    The thread waits when it is `ahead` items ahead. An error in the iterator is raised in the consumer.
     """
 
     def __init__(
@@ -71,10 +75,11 @@ class BackgroundIterator(Generic[Item]):
 
         Args:
             items: a generator or iterator; iterated and closed in the thread.
-            ahead: largest number of items that wait.
+            ahead: largest number of items that are computed before the consumer takes them.
             stop: called while no item is available; the iteration ends once it returns True.
-            replaceable: type of items with which the thread does not wait: one of them takes the place of
-                another that is the last to wait, so that the consumer gets recent ones. None: no item does.
+            replaceable: with an item of this type, the thread does not wait for the consumer. The item takes
+                the place of the newest one that was not taken yet, if that is of this type too, so that the
+                consumer gets recent items. None: the thread always waits.
             thread_name: of the thread, as debuggers and profilers show it.
         """
         self._items = items
@@ -136,7 +141,7 @@ class BackgroundIterator(Generic[Item]):
         self._put(end)
 
     def _put(self, item: Item | _End) -> bool:
-        """False if the iteration is over."""
+        """Add an item as soon as there is room for it; returns False if the iteration is over."""
         with self._change:
             while not self._is_over and len(self._waiting) >= self._ahead:
                 if self._replaces(item, self._waiting[-1]):
@@ -150,5 +155,6 @@ class BackgroundIterator(Generic[Item]):
             return not self._is_over
 
     def _replaces(self, item: Item | _End, last: Item | _End) -> bool:
+        """Whether an item takes the place of the last one that waits."""
         kind = self._replaceable
         return kind is not None and isinstance(item, kind) and isinstance(last, kind)

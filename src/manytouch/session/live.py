@@ -8,7 +8,7 @@ from pathlib import Path
 
 from manytouch.errors import ManytouchError
 from manytouch.pipeline import Output, Pipeline, Sink, TrackedFrame
-from manytouch.session.background_iterator import BackgroundIterator, short_turns
+from manytouch.session.background_iterator import BackgroundIterator, short_switch_interval
 from manytouch.session.commands.background_preparation import BackgroundPreparation
 from manytouch.session.commands.command_queue import CommandQueue
 from manytouch.session.commands.contact_id_offset import ContactIdOffset
@@ -203,7 +203,7 @@ class Live:
         self._stream = BackgroundIterator(
             self._track(), ahead=AHEAD, stop=is_over, replaceable=replaceable, thread_name="manytouch-track"
         )
-        with short_turns(), self._stream as stream:
+        with short_switch_interval(), self._stream as stream:
             try:
                 yield from self._estimate(iter(stream))
             finally:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from manytouch.session.background_iterator import BackgroundIterator, short_turns
+from manytouch.session.background_iterator import BackgroundIterator, short_switch_interval
 from waiting import wait_until
 
 
@@ -109,7 +109,7 @@ def test_leaving_the_block_ends_a_thread_that_waits() -> None:
 
 def test_turns_are_as_before_when_the_last_of_several_sessions_has_ended() -> None:
     before_s = sys.getswitchinterval()
-    first, second = short_turns(), short_turns()
+    first, second = short_switch_interval(), short_switch_interval()
     first.__enter__()
     second.__enter__()
     first.__exit__(None, None, None)
