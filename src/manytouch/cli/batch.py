@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 
 def _shard(_: Any, tokens: Sequence[Token]) -> tuple[int, int]:
+    """Number of a shard, from 0, and the number of shards, of a text I/N."""
     text = tokens[0].value
     number, _, count = text.partition("/")
     if not (number.isdecimal() and count.isdecimal() and 0 <= int(number) <= int(count) and int(count) > 0):
@@ -107,16 +108,7 @@ def batch(
     Example: manytouch batch "day1/*.mp4" --out results
     """
     options.refuse_two_scales("batch", sensor, pitch_mm, hfov_deg)
-    if scheduler is not None and slurm is not None:
-        raise usage_error("batch", "--scheduler and --slurm exclude each other")
-    if slurm is not None and shard is not None:
-        raise usage_error(
-            "batch",
-            "--slurm and --shard exclude each other: --slurm starts the jobs of one batch itself, --shard is "
-            "for job arrays whose tasks call manytouch",
-        )
-    if wait_h is not None and scheduler is None and slurm is None:
-        raise usage_error("batch", "--wait-h needs --scheduler or --slurm: other batches wait for no worker")
+    _require_one_engine(scheduler, slurm, is_shard=shard is not None, waits=wait_h is not None)
     if merge == bool(inputs):
         raise usage_error("batch", "give inputs, or --merge without inputs")
     parameters = interpolation.parameters("batch", method) | paper.parameters("batch", method)
@@ -181,6 +173,24 @@ def batch(
     return 0
 
 
+def _require_one_engine(scheduler: str | None, slurm: Path | None, *, is_shard: bool, waits: bool) -> None:
+    """Check that the options name at most one engine, and only options that it has.
+
+    Raises:
+        CycloptsError: they do not.
+    """
+    if scheduler is not None and slurm is not None:
+        raise usage_error("batch", "--scheduler and --slurm exclude each other")
+    if slurm is not None and is_shard:
+        raise usage_error(
+            "batch",
+            "--slurm and --shard exclude each other: --slurm starts the jobs of one batch itself, --shard is "
+            "for job arrays whose tasks call manytouch",
+        )
+    if waits and scheduler is None and slurm is None:
+        raise usage_error("batch", "--wait-h needs --scheduler or --slurm: other batches wait for no worker")
+
+
 @contextmanager
 def _engine(
     tasks: "Sequence[Task]",
@@ -192,6 +202,10 @@ def _engine(
     scheduler: str | None,
     slurm: Path | None,
 ) -> Iterator["Engine"]:
+    """What runs the tasks: a dask scheduler, SLURM jobs, or processes of this machine.
+
+    Where SLURM has nothing to do, no job is started.
+    """
     if scheduler is not None:
         from manytouch.batch.engines.dask_scheduler import connect
 
@@ -214,6 +228,7 @@ def _engine(
 
 
 def _to_do(tasks: "Sequence[Task]", settings: "Settings") -> "list[Task]":
+    """The tasks whose results are missing or changed."""
     from manytouch.batch.run_batch import plan
     from manytouch.batch.tasks import Task
 
@@ -221,6 +236,7 @@ def _to_do(tasks: "Sequence[Task]", settings: "Settings") -> "list[Task]":
 
 
 def _print_plan(tasks: "Sequence[Task]", settings: "Settings", slurm: Path | None) -> int:
+    """Print what would be processed; returns the exit status."""
     from manytouch.values.display.text import count_of
 
     to_do = _to_do(tasks, settings)

@@ -65,13 +65,23 @@ def run(
     if source.lower().endswith(".toml") and "://" not in source and not source.startswith("sim:"):
         from manytouch.cli.terminal.rig_run import run_rig_file
 
-        given = {"--sensor": sensor, "--method": method, "--pitch-mm": pitch_mm, "--hfov-deg": hfov_deg}
-        given |= {"--roi": roi, "--fps": fps, "--size": size, "--token": token}
-        given |= {"--exposure-ms": exposure_ms, "--gain": gain, "--focus": focus, "--no-mjpg": no_mjpg}
-        given |= {"--white-balance-K": white_balance_K, "--host": host != "127.0.0.1"}
-        given |= {"--max-clients": max_clients != 16}
-        given |= {
-            "options of a method": interpolation.parameters("run", method) | paper.parameters("run", method)
+        given = {
+            "--sensor": sensor,
+            "--method": method,
+            "--pitch-mm": pitch_mm,
+            "--hfov-deg": hfov_deg,
+            "--roi": roi,
+            "--fps": fps,
+            "--size": size,
+            "--token": token,
+            "--exposure-ms": exposure_ms,
+            "--gain": gain,
+            "--focus": focus,
+            "--no-mjpg": no_mjpg,
+            "--white-balance-K": white_balance_K,
+            "--host": host != "127.0.0.1",
+            "--max-clients": max_clients != 16,
+            "options of a method": interpolation.parameters("run", method) | paper.parameters("run", method),
         }
         return run_rig_file(
             Path(source), given, out=out, record=record, to=to, is_viewing=not no_view, port=port

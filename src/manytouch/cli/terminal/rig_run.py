@@ -65,20 +65,21 @@ def run_rig_file(
 ) -> int:
     """Run a rig until its sources end or Ctrl-C.
 
+    Args:
+        path: of the rig file.
+        given: values of the options that a rig cannot have, by their names.
+        out: folder in which results are written to a folder of the rig.
+        record: MCAP file to record to.
+        to: addresses of outputs.
+        is_viewing: whether the page of the rig is served.
+        port: of that page; 0 chooses one.
+
     Raises:
         CycloptsError: an option is given that the rig file states for each sensor.
         ManytouchError: the rig file or the address of an output is wrong, or, at the end, a sensor was given
             up.
     """
-    wrong = [
-        name for name, value in given.items() if not (value is None or value is False or value in ((), {}))
-    ]
-    if wrong:
-        raise usage_error(
-            "run",
-            f"{', '.join(wrong)} cannot be used with a rig file: below [[sensors]] it has source, serial, "
-            "sensor, method, fps, size_px, to and pose; omit the rest",
-        )
+    _refuse_options(given)
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.rigs.overview_page import OverviewPage
     from manytouch.rigs.rig_file import load_rig
@@ -109,12 +110,29 @@ def run_rig_file(
     for name, state in states.items():
         times = "" if not state.restarts else f", started again {count_of(state.restarts, 'time')}"
         log.on_note(name, f"{count_of(state.frames, 'frame')} processed, {state.dropped} dropped{times}")
-    failed = {name: state.failure for name, state in states.items() if state.is_over and state.failures}
     if record is not None:
         log.on_note(
             rig.name, f"recorded {record}; manytouch view {record}#{rig.sensors[0].name} shows a sensor"
         )
+    failed = {name: state.failure for name, state in states.items() if state.is_over and state.failures}
     if failed:
         reasons = "; ".join(f"{name}: {why or 'its process ended'}" for name, why in failed.items())
         raise ManytouchError(f"{len(failed)} of {count_of(len(states), 'sensor')} failed, {reasons}")
     return 0
+
+
+def _refuse_options(given: Mapping[str, object]) -> None:
+    """Check that no option is given that the rig file states for each sensor.
+
+    Raises:
+        CycloptsError: one is.
+    """
+    wrong = [
+        name for name, value in given.items() if not (value is None or value is False or value in ((), {}))
+    ]
+    if wrong:
+        raise usage_error(
+            "run",
+            f"{', '.join(wrong)} cannot be used with a rig file: below [[sensors]] it has source, serial, "
+            "sensor, method, fps, size_px, to and pose; omit the rest",
+        )
