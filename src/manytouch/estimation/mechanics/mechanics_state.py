@@ -24,14 +24,14 @@ from manytouch.values.arrays import Mask, Points2
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MechanicsState:
-    """What stays the same between frames, and what a frame passes to the next.
+    """What stays the same between frames, and what a frame passes to the next one.
 
     Attributes:
         model: of the sheet.
         neighbours: of each marker.
-        displacement_covariance: what these covariances have in common in all frames.
-        local: depth that the elements cannot show.
-        is_at_clamp: (m,) markers that show the motion of the view.
+        displacement_covariance: what the covariances of marker displacements have in common in all frames.
+        local: depth under narrow loads that the elements are too coarse to show.
+        is_at_clamp: (m,) markers that are so near the clamp that they show the motion of the view.
         initial_reference_px, reference_px: (m, 2) marker images at rest, at the start and now.
         pitch_px: pitch in the image.
         model_std_px: standard deviation of a marker image by the errors of model and rest position.
@@ -39,13 +39,14 @@ class MechanicsState:
         posterior: of the last frame with a full or a reweighted step; None before the first.
         posterior_frames: number of frames since then.
         pretension: of the sheet.
-        variants: the sheet with each of its other parameters changed.
-        response: of the last full step to all these; None before the first.
-        response_is_due: whether that of a later full step is still to be computed.
-        previous: clusters of the previous frame, contacts or not.
-        slip: of the contacts.
-        tracks: of the contacts.
-        without_sheet: what the markers show without a model.
+        variants: the sheet with one of its other parameters changed, for each of them.
+        response: how the result of the last full step depends on pretension and other parameters; None before
+            the first full step.
+        response_is_due: whether the response of a later full step still has to be computed.
+        previous: clusters of the previous frame, whether they were contacts or not.
+        slip: state of the detection of slip.
+        tracks: contacts of the previous frames.
+        without_sheet: surface and contacts without a model of the sheet.
         undescribed: number of frames in a row that the sheet did not describe.
     """
 
@@ -82,7 +83,10 @@ class MechanicsState:
         return replace(self, shape=fit.shape, posterior=fit.posterior, posterior_frames=frames)
 
     def at_rest(self) -> "MechanicsState":
-        """The state from which the next fit begins at rest; a shape that failed may be one to stay in."""
+        """The state from which the next fit begins at rest.
+
+        A fit that begins with a shape that failed may fail again.
+        """
         rest = SheetShape.at_rest(self.model)
         state = replace(self, shape=rest, posterior=None, posterior_frames=0)
         return replace(state, response=None, response_is_due=False)

@@ -1,9 +1,9 @@
 """Decides by the markers whether a pair of clusters is one bar.
 
 A rigid face presses most with its ends or its corners, and two round patches describe that better than one
-ellipse. A bar whose pressure rises to its ends describes it as well as the two patches do; two balls, between
-which nothing presses, it does not describe. Where a face presses with its ends only, both are the same load,
-and this rule finds two; see `rigid_faces` for what decides then.
+ellipse. A bar whose pressure rises towards its ends describes such a face as well as the two patches do. It
+does not describe two balls, between which nothing presses. A face that presses with its ends only is the same
+load as two balls, so that this rule finds two contacts; what decides then is in `rigid_faces`.
 """
 
 from dataclasses import dataclass
@@ -18,10 +18,12 @@ from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 
 MIN_F = 8.0
-"""Least F of two patches against a bar, by which there are two. It was fitted: balls of 2 mm radius on a
-sheet of 3 mm, 6 to 16 mm apart, have 9 and more; bars and blocks of the varied cases -50 to 14 (ADR 84)."""
+"""F of two patches against a bar above which there are two contacts. It was fitted: balls with a radius of
+2 mm, 6 to 16 mm apart on a sheet of 3 mm, have 9 and more; bars and blocks of the varied cases have -50 to 14
+(ADR 84)."""
 MIN_INSIDE = 0.8
-"""Least share of the force of a face on the nodes of the evidence; nothing limits it beyond them."""
+"""Least share of the force of a fitted face that lies on the nodes of the evidence. Beyond these nodes no
+marker contradicts it."""
 _START_MM = 0.1  # added to the deviation of the pressure from which the fit of two patches starts
 
 
@@ -45,23 +47,24 @@ def f_of_two(
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class BarRule:
-    """Parameters of the decision.
+    """Decides whether two clusters are one bar, by F of two round patches against a bar.
 
     Attributes:
-        min_f: F of two patches against a bar above which they are two contacts.
-        was_two: factor of `min_f` where they were two contacts in the previous frame.
-        was_one: the same where they were one, with its centre at that of their forces, although two contacts
-            so far apart are seen as two when they begin, or although their force has not grown since.
-        seen_apart_thickness: how far that is, in thicknesses; balls of 2 mm radius on a sheet of 3 mm, 8 mm
-            apart, can begin as one.
-        wide: factor of `min_f`, instead of `was_two`, where two patches are wide and of about one size: then
-            they are no balls.
-        wide_gap: least radius of wide patches, two deviations of their pressure, over their distance.
-        wide_thickness: least radius of wide patches over the thickness; a smaller one is not visible.
+        min_f: above this F they are two contacts.
+        was_two: factor of `min_f` if they were two contacts in the previous frame.
+        was_one: factor of `min_f` if they were one contact, with its centre at the centre of their forces,
+            and are farther apart than `seen_apart_thickness` or have not more force than then.
+        seen_apart_thickness: two contacts at this distance, in thicknesses, are seen as two when they begin.
+            Balls with a radius of 2 mm, 8 mm apart on a sheet of 3 mm, can begin as one.
+        wide: least factor of `min_f` if both patches are wide and of about the same size, as balls are not.
+        wide_gap: least radius of wide patches over their distance. The radius is two standard deviations of
+            the pressure.
+        wide_thickness: least radius of wide patches, in thicknesses; smaller ones all look alike.
         max_size_ratio: largest ratio of the second moments of two wide patches.
-        unlike_size_ratio: from this ratio on two bodies are not described by two patches of one size.
+        unlike_size_ratio: above this ratio of the second moments, two patches of one size do not describe two
+            bodies, and the misfit of the two ellipses that were fitted one by one counts if it is smaller.
         max_nodes: largest number of nodes of an evidence.
-        min_inside: least share of the force of a bar on these nodes.
+        min_inside: see `MIN_INSIDE`.
     """
 
     min_f: float = MIN_F
@@ -94,9 +97,9 @@ class BarRule:
             clusters: of this frame.
             own: numbers of the two.
             evidence_at: gives the likelihood of the forces of some nodes.
-            was_two: were they two contacts in the previous frame?
-            was_one: were they one, with its centre at that of their forces?
-            is_unchanged: is their force not larger than when the markers last showed one?
+            was_two: whether they were two contacts in the previous frame.
+            was_one: whether they were one, with its centre at that of their forces.
+            is_unchanged: whether their force is not larger than when the markers last showed one contact.
         """
         evidence = evidence_at(self._nodes(model, clusters, own))
         if evidence is None:

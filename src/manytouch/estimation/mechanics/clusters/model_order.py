@@ -50,23 +50,24 @@ class ModelOrder:
             cluster's force in force units; it applies to weak clusters.
         min_share: least share of the force of the weaker part of two contacts, or end of a bar. Errors of the
             model at the clamp are like a weak second contact.
-        min_f: least F of two patches against one. It is multiplied by the ratio of the marker noise to the
-            usual one, which the error of the model exceeds; at most by `max_noise`.
-        max_noise: largest factor by which marker noise multiplies `min_f`.
+        min_f: least F of two patches against one, with the usual marker noise. It is multiplied by the ratio
+            of the noise to the usual one, up to `max_noise`.
+        max_noise: largest such factor.
         min_f_face: least F of an elliptic face against an even ellipse.
         min_rim: least second moment of such a face over that under even pressure.
         min_face: least minor half axis of an ellipse that may be a face, in elements.
         min_f_bar: least F of two patches against a bar.
-        min_bar_stds: least force of a bar, in its standard deviations; else the one patch is taken. Next to a
-            clamp the place and the force of a bar depend on each other.
+        min_bar_stds: least force of a bar, in its standard deviations; a weaker bar is replaced by one patch.
+            Next to a clamp, the place and the force of a bar cannot be determined independently.
         bar_from_clamp: least distance of both ends of a bar from the outline, in elements: a choice. A weak
-            second patch there is an error of the model at the clamp.
-        min_inside: least share of the force of a patch, a bar or a face on the nodes of the evidence; nothing
-            limits what is beyond them.
+            second patch next to the outline is an error of the model at the clamp.
+        min_inside: least share of the force of a patch, a bar or a face that lies on the nodes of the
+            evidence. Beyond these nodes no marker contradicts it.
         min_mean_misfit: lower limit of the misfit per degree of freedom in F.
-        hysteresis: multiplies all limits where there were two contacts in the previous frame.
-        max_shift: largest distance from the centroid of the forces to the fitted centre, in elements.
-        max_ratio: largest ratio of the fitted force and that of the nodes, either way.
+        hysteresis: factor of all limits where there were two contacts in the previous frame.
+        max_shift: largest distance from the centroid of the nodal forces to the fitted centre, in elements,
+            in addition to half the root of the second moment.
+        max_ratio: largest ratio of the fitted force to the sum of the nodal forces, and of that to it.
         min_ring: least radius of a ring of pressure, in elements.
         max_clusters: number of clusters, the strongest, that are examined.
         max_nodes: largest number of nodes of an evidence, the nearest to the centre of the cluster.

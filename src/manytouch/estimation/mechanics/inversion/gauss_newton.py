@@ -15,13 +15,13 @@ max(f_j, 0)^2 or a share of its mean over node j and its neighbours, whichever i
 together cost as much as one, so that a contact is not attracted by the nearest node (Z. Zhang and B. D. Rao
 2013, doi:10.1109/TSP.2013.2241055).
 
-Three kinds of steps differ in what they compute again: a full step everything; a reweighted step the weights
-of the forces that changed, with the factor of the normal matrix from a change of low rank (`reweighting`); a
-chord step nothing but the residuals. Where a contact moves, each frame needs new weights, but not new
-derivatives (ADR 79).
+There are three kinds of steps. A full step computes everything again. A reweighted step computes only the
+weights of the forces that changed, and updates the factor of the normal matrix by a change of low rank
+(`Posterior.reweighted`). A chord step computes only the residuals. Where a contact moves, each frame needs
+new weights, but not new derivatives (ADR 79).
 
-Priors enter through `weights`; a prior with another mean also needs a term in the cost, in the normal
-equations and in steps with an earlier posterior.
+A prior with mean 0 can be added in `weights`. A prior with another mean also needs a term in the cost, in the
+normal equations and in the steps with an earlier posterior.
 """
 
 from dataclasses import dataclass, replace
@@ -129,9 +129,11 @@ class GaussNewton:
         max_steps: full steps of a frame whose chi2 is not poor.
         max_steps_if_poor: full steps otherwise.
         max_reweightings: reweighted steps with the derivatives of one full step, before the next one.
-        min_weight_ratio: weights that changed by a smaller factor since the full step stay what they were.
-        max_reweighted: number of weights that a reweighted step changes, those that changed most.
-        max_kept_weight_ratio: a full step is taken instead if another weight changed by a larger factor.
+        min_weight_ratio: a reweighted step keeps the weights that changed by less than this factor since the
+            full step.
+        max_reweighted: largest number of weights that a reweighted step changes: those that changed most.
+        max_kept_weight_ratio: a full step is taken instead if a weight that would be kept changed by a larger
+            factor.
         max_change_pitch: largest change of a coefficient in a step, in pitches.
         max_halvings: of a step that increases the cost, before the iteration ends.
     """
@@ -299,7 +301,14 @@ class GaussNewton:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Iterate:
-    """A shape with the residuals of the markers, their misfit, and the tangential and normal forces."""
+    """A shape with the residuals of the markers, their misfit, and the tangential and normal forces.
+
+    Attributes:
+        shape, measured_px, information: see `GaussNewton.__call__`.
+        residual_px: (m, 2) predicted minus measured displacements of the marker images.
+        misfit: sum of the weighted squared residuals.
+        balance_mm2: (n, 3) as in `Fit`.
+    """
 
     shape: SheetShape
     measured_px: Points2
