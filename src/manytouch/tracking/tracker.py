@@ -1,8 +1,9 @@
 """Tracks the markers from frame to frame: in each frame every dot is assigned a marker, or none.
 
-Only smoothness is assumed: the last frame, the layout at rest and a vote on the motion of the whole view are
-guesses, from which identities are grown and verified in each frame (`matching`). So a wrong guess costs time,
-not identities, and after a blackout the pattern is found again.
+Only smoothness of the displacements is assumed. The last frame, the layout at rest and a vote on the motion
+of the whole view are guesses, from which the identities are found and verified in each frame (`matching`). So
+a wrong guess costs time, but causes no wrong identity, and the pattern is found again after frames without
+it.
 """
 
 from dataclasses import dataclass, replace
@@ -36,14 +37,16 @@ if TYPE_CHECKING:
     from manytouch.tracking.state_update import Measurements
 
 _MOST_MOTION_SPACINGS = 0.3
-"""After a larger motion this frame is searched again as a whole, as windows may miss dots. A choice: that
-of `slow_motion` in `frame_checks`, and above `window_motion_pitches`, which concerns the next frame."""
+"""After a larger motion this frame is searched again as a whole, since windows may miss dots. A choice: the
+same value as `slow_motion` in `frame_checks`, and larger than `window_motion_pitches`, which applies to the
+next frame."""
 _LEAST_LEARNED = 4  # frames: an appearance learned from fewer is mostly noise
-_LEARNING_RATE, _LEARN_ALL, _LEARN_EVERY = 0.05, 20, 4
-_WHOLE_DOT_RADII = 1.5
+_LEARNING_RATE = 0.05  # least weight of a frame in the learned appearance: a choice
+_LEARN_ALL, _LEARN_EVERY = 20, 4  # after 20 frames only every 4th is learned from, to save time: a choice
+_WHOLE_DOT_RADII = 1.5  # a dot is wholly in the image if its centre is this far from the border: a choice
 _COUNT_TOLERANCE = 0.25
-"""Over the root of the number of markers; a choice: two standard deviations of the number seen if 1.6 % are
-hidden at random."""
+"""Difference of the numbers of markers seen in two frames that may be by chance, over the root of the number
+of markers. A choice: two standard deviations of the number seen if 1.6 % are hidden at random."""
 _INITIAL_PRESENCE = {PRESENT: 0.95, MISSING: 0.01, EXTERIOR_VISIBLE: 0.003, EXTERIOR_HIDDEN: 0.3}
 """Assumed share of frames in which a node has a dot, before frames show it; choices: few markers are hidden,
 few empty nodes have a false dot, and what lies beyond the image is not known."""
@@ -65,13 +68,13 @@ class MarkerTrackerState:
         motion_spacings: motion that 95 % of the seen markers stayed below, in spacings; inf after a frame
             without a match.
         is_consecutive: the last frame was matched.
-        is_ambiguous: the view moved, unseen or too fast, so that identities may be shifted along the lattice,
-            and neither outline nor irregularities have determined them since.
+        is_ambiguous: whether identities may be shifted along the lattice: the view has moved unseen or too
+            fast, and neither the outline nor irregularities of the pattern have shown the shift since.
         appearance: (m, 2) usual relative area and contrast of each marker's dot; NaN: not known.
         appearance_difference: (2,) usual mean difference of a frame's dots from that.
         learned_frames: number of frames that the appearance was learned from.
-        needs_full_search: the last frame showed fewer markers than the one before, or they moved farther than
-            windows allow: it has to be searched again as a whole.
+        needs_full_search: whether the last frame has to be searched again as a whole, since it showed fewer
+            markers than the one before, or they moved farther than the windows reach.
     """
 
     graph: LatticeGraph
@@ -91,7 +94,7 @@ class MarkerTrackerState:
     needs_full_search: bool
 
     def for_matching(self) -> MatchingState:
-        """What the kernels take of it; an appearance learned from few frames is withheld."""
+        """The part that the kernels use; without the appearance if it was learned from too few frames."""
         is_learned = self.learned_frames >= _LEAST_LEARNED
         return MatchingState(
             position_px=self.position_px,
@@ -108,7 +111,7 @@ class MarkerTrackerState:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MarkerTracker:
-    """Which dot is which marker, for any layout.
+    """Assigns the dots of each frame to the markers of any layout.
 
     Attributes:
         damping: share of a marker's motion since the frame before that is expected again in the next one.
@@ -211,7 +214,7 @@ class MarkerTracker:
         return state.needs_full_search
 
     def resume(self, started: MarkerTrackerState, before: MarkerTrackerState) -> MarkerTrackerState:
-        """The state before, which contains no parameter."""
+        """The state `before`, which also holds after a change of parameters, since it contains none."""
         return before
 
     def _updated(

@@ -1,4 +1,10 @@
-"""The kernel that assigns the dots of one frame to the nodes: match, grow, verify, resolve shifts."""
+"""The kernel that assigns the dots of one frame to the nodes of the lattice graph, in four steps.
+
+Dots are matched to guessed positions; the matched part grows from node to node; assignments that their
+neighbours contradict are dropped; and a shift of all identities by whole pitches is corrected, if the image
+shows one. A frame is *calm* if nearly all markers are where they are expected. In a calm frame only the
+markers, and no other nodes, are examined, unless something raises doubt.
+"""
 
 # ruff: noqa: PLR0917 - compiled functions take positional arguments
 
@@ -38,20 +44,23 @@ class IdentificationParameters(NamedTuple):
     """How identities are found and checked in a frame. Distances are in local spacings.
 
     Attributes:
-        gate: largest distance of a dot from the guess.
-        calm_share: share of the markers seen before that a calm frame shows where they are expected.
-        calm_disagreeing: largest share of these that disagree with adjacent ones in a calm frame, plus 2.
-        discontinuity: displacements of adjacent nodes that differ by more are not connected.
-        noise_factor: standard deviations of a centre that errors may have more.
-        repairs: of mismatched parts, at most.
-        reconsiderations: of the shift, at most.
-        rougher, roughness_margin: roughness above this many times the usual plus this raises doubt.
-        more_different, difference_margin: the same of the difference from the usual appearance.
-        by_chance: so many vanished markers, or dots on exterior nodes, raise no doubt.
-        least_margin: nats by which the image must prefer a shift to all others to determine it.
-        long_gap: frames without a marker after which the view may have moved by a pitch.
-        trackable_motion: median motion from the last frame below which identities can be tracked.
-        rest_motion: median displacement from rest below which they are assumed to be unshifted.
+        gate: largest distance of a dot from the guessed position of its marker.
+        calm_share: a calm frame shows at least this share of the markers seen before where they are expected.
+        calm_disagreeing: in a calm frame, at most this share of them, plus 2, disagree with adjacent ones.
+        discontinuity: adjacent nodes whose displacements differ by more than this are not connected.
+        noise_factor: tolerances are larger by this many standard deviations of a centre.
+        repairs: how often mismatched parts are removed and grown again, at most.
+        reconsiderations: how often a shift is corrected, at most.
+        rougher, roughness_margin: in a calm frame, a roughness above `rougher` times the usual one plus
+            `roughness_margin` raises doubt about the shift.
+        more_different, difference_margin: the same limits for the difference of the dots from their usual
+            appearance.
+        by_chance: up to this number of vanished markers, or of dots on exterior nodes, raises no doubt.
+        least_margin: a shift is determined if the image prefers it to all others by this many nats.
+        long_gap: if no marker was seen for more than this number of frames, the view may have moved by a
+            pitch in the meantime.
+        trackable_motion: if the median motion since the last frame is smaller, identities can be tracked.
+        rest_motion: if the median displacement from rest is smaller, identities are assumed to be unshifted.
     """
 
     gate: float = 0.45
@@ -74,8 +83,9 @@ class IdentificationParameters(NamedTuple):
 
 IDENTIFICATION = IdentificationParameters()
 AMBIGUOUS, NOT_FOUND, ASSUMED, TRACKED, DETERMINED = -1, 0, 1, 2, 3
-"""How certain identities are: they may be shifted; there are none; unshifted as the sheet is near its rest;
-the motion since the last frame excludes other shifts; the image excludes them."""
+"""How certain identities are, in this order: they may be shifted; no identity was found; they are assumed to
+be right, as the sheet is near its rest; the motion since the last frame excludes a shift; the image excludes
+it."""
 
 
 class Identification(NamedTuple):
@@ -121,7 +131,10 @@ def _match_guess(
     assignment: Assignment,
     workspace: Workspace,
 ) -> tuple[int, bool]:
-    """Matches dots to guessed positions and keeps those that agree: their number, and is the frame calm?"""
+    """Matches dots to guessed positions and keeps those that agree with each other.
+
+    Returns the number of dots that agree, and whether the frame is calm.
+    """
     dot, markers = assignment.dot, len(guess_px)
     difference_px, disagrees, score = assignment.displacement_px, workspace.flag, workspace.queue
     dot[markers:] = -1
@@ -155,9 +168,10 @@ def _grow_and_verify(
     assignment: Assignment,
     workspace: Workspace,
 ) -> bool:
-    """Grows and verifies; where a part was mismatched, removes its boundary and grows again from the rest.
+    """Assigns dots to further nodes, and drops those that their neighbours contradict.
 
-    Returns whether the displacements of nodes without a dot are filled.
+    If a part of the nodes is mismatched, its boundary is removed, and the other parts grow again from what is
+    left. Returns whether the displacements of nodes without a dot are filled.
     """
     dot, displacement, _ = assignment
     nodes, markers = len(dot), len(state.position_px)
@@ -194,7 +208,10 @@ def _may_be_shifted(
     assignment: Assignment,
     workspace: Workspace,
 ) -> bool:
-    """Whether identities in a calm frame may be shifted; `difference` (2,) is that of its appearance."""
+    """Whether the identities in a calm frame may be shifted.
+
+    `difference` (2,) is the mean difference of the dots from their usual appearance.
+    """
     usual, usual_difference = state.roughness, state.appearance_difference
     if state.is_ambiguous:
         return True
@@ -249,9 +266,10 @@ def _resolve_shift(
     assignment: Assignment,
     workspace: Workspace,
 ) -> int:
-    """Moves the dots to the nodes of the most likely shift; returns how certain it is, but for jumps.
+    """Moves the dots to the nodes of the most likely shift, and returns how certain the identities then are.
 
-    `is_filled`: the displacements of nodes without a dot are known.
+    The certainty does not take into account that the sheet may have jumped (`is_rigid_jump`). `is_filled`
+    states whether the displacements of nodes without a dot are known.
     """
     position_px, markers = workspace.position_px, len(state.position_px)
     margin, measured_margin, motion = 0.0, 0.0, np.inf
@@ -328,7 +346,8 @@ def identify(
     Args:
         dots: of the frame, one or more.
         cell_px: side of the cells that dots are sorted into.
-        guess_px: (m, 2) positions to begin from, right for some part of the pattern but for a shift.
+        guess_px: (m, 2) positions to begin from. For a part of the pattern they have to be right, except for
+            a shift by whole pitches.
         graph: of the layout.
         state: from the frames before.
         assignment: written.

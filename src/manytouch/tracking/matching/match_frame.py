@@ -17,12 +17,14 @@ Markers2 = Float64[np.ndarray, "m 2"]
 APPEARANCE_QUANTITIES = 2
 """Area and contrast."""
 
-_EXPLAINED_SHARE = 0.75  # of the dots: then no other guess is tried,
-_FOUND_SHARE = 0.97  # or of the markers
-_TRANSLATIONS = 3  # tried for each guess
+_EXPLAINED_SHARE, _FOUND_SHARE = 0.75, 0.97
+"""No other guess is tried if a match explains this share of the dots, or finds this share of the markers."""
+_TRANSLATIONS = 3
+"""Number of likely translations of a guess that are tried."""
 _LEAST_MARKERS, _LEAST_SHARE = 4, 0.1
-# a match below this share of the dots and of the markers seen before is treated as accidental
+"""A match needs at least this number and this share of the markers."""
 _CHANCE_SHARE = 0.5
+"""A match of a smaller share of the dots, and of the markers seen before, is accidental."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -24,22 +24,26 @@ from manytouch.tracking.matching.relative_appearance import (
 
 
 class ShiftParameters(NamedTuple):
-    """What shifts cost. Distances are in local spacings.
+    """What a shift costs, in nats. Distances are in local spacings.
 
     Attributes:
         clutter: probability of a dot at a position beyond the exterior nodes.
-        hidden_cost: nats of any state of a node that the image did not show at rest.
-        least_visible: smallest share of the present markers in view that is assumed to show a dot.
-        dependence: so many second differences count as one, since neighbouring ones share dots.
-        least_second_differences: without so many, roughness costs nothing.
-        least_roughness: roughness is measured above this.
-        motion_cost: nats per spacing of median motion since the last frame that was matched.
-        slow_motion, slow_motion_cost: the same where that is the frame before and motion is less.
-        largest_motion: larger motions cost as much as this.
-        samples: nodes on which roughness and motion are measured, about.
-        rigid_samples, least_rigid_samples: the same for `is_rigid_jump`, and how many it requires.
-        rigid_variance: variance of a rigid motion over that of the unshifted one, at most.
-        rigid_noises: motions that vary by less than so many standard deviations of a centre are no jump.
+        hidden_cost: cost of a node that the image did not show at rest, with and without a dot.
+        least_visible: at least this share of the present markers in view is assumed to show a dot.
+        dependence: this number of second differences counts as one independent measurement, since
+            neighbouring ones share dots.
+        least_second_differences: with fewer of them, roughness costs nothing.
+        least_roughness: added to the roughness before its logarithm is taken, unless the noise is larger.
+        motion_cost: cost per spacing of the median motion since the last frame that was matched.
+        slow_motion, slow_motion_cost: the same cost if that was the previous frame and the motion without a
+            shift is below `slow_motion`.
+        largest_motion: larger motions cost as much as this one.
+        samples: about the number of nodes on which roughness and motion are measured.
+        rigid_samples, least_rigid_samples: about the number of nodes that `is_rigid_jump` uses, and the
+            number that it requires.
+        rigid_variance: a shifted motion is rigid if its variance over that of the unshifted motion is less.
+        rigid_noises: an unshifted motion that varies by less than this number of standard deviations of a
+            centre is no jump.
     """
 
     clutter: float = 0.003
@@ -84,7 +88,7 @@ _SMALLEST_RATIO, _BISECTIONS = 1e-12, 16
 def _add_occupancy_cost(
     dot: np.ndarray, position_px: np.ndarray, graph: GraphArrays, presence: np.ndarray, cost: np.ndarray
 ) -> None:
-    """Adds to `cost` (s,) the cost of dots at unlikely, and of none at likely positions in view."""
+    """Adds to `cost` (s,) the cost of dots at unlikely positions, and of likely positions without a dot."""
     kind, bounds, shifted = graph.kind, graph.bounds_px, graph.shifted
     found = expected = 0.0
     nodes = len(kind)

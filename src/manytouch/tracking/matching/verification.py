@@ -28,22 +28,23 @@ from manytouch.tracking.matching.spatial_hash import nearest_free_dot
 class VerificationParameters(NamedTuple):
     """How far a displacement may be from its prediction. Distances are in local spacings.
 
-    Tolerances are `..._base` plus `..._factor` times the rms residual of the affine fit.
+    The tolerance of a prediction is `..._base` plus `..._factor` times the RMS residual of the affine fit.
 
     Attributes:
-        mean_difference, largest_difference: nodes whose adjacent ones' displacements differ by less, on
-            average and at most, are not examined further.
-        motion_difference: of a marker's motion since the last frame from its neighbours' mean.
-        interpolation_base, interpolation_factor: distance from the quadratic fit to all neighbours.
-        line_base, line_factor: distance from extrapolations along lines.
-        affine_base, affine_factor: distance from the affine fit.
-        largest: of all tolerances, times the least stretch.
+        mean_difference, largest_difference: a node is not examined further if the displacements of adjacent
+            nodes differ from its own by less than this, in the mean and for each of them.
+        motion_difference: nor is a marker that moved since the last frame as its neighbours did in the mean,
+            within this tolerance.
+        interpolation_base, interpolation_factor: tolerance of the quadratic fit to all neighbours.
+        line_base, line_factor: tolerance of extrapolations along lines of the lattice.
+        affine_base, affine_factor: tolerance of the affine fit.
+        largest: all tolerances are at most this times the least stretch of the pattern.
         least_neighbours: with fewer known neighbours, a dot is dropped unless the frame is calm.
-        sparse_count: with fewer known neighbours, the largest tolerance applies.
-        replaceable: share of the distance of a dot from the robust affine fit, within which another dot
-            that belongs to no node makes it doubtful.
-        fold_ratio: area of a triangle over that at rest, below which it has turned over or collapsed.
-        rounds: of dropping the worst.
+        sparse_count: with fewer known neighbours, the affine fit has the largest tolerance.
+        replaceable: a dot is dropped if a dot of no node is nearer to the robust affine fit than this share
+            of its own distance from it.
+        fold_ratio: a triangle of nodes whose area over that at rest is smaller has turned over or collapsed.
+        rounds: how often the worst dots are dropped, at most.
     """
 
     mean_difference: float = 0.05
