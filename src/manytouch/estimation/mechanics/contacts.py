@@ -12,12 +12,12 @@ from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflec
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, balance
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.inversion.sheet_parameters import ParameterResponse
+from manytouch.estimation.mechanics.regions.contact_values import contact_of
 from manytouch.estimation.mechanics.regions.footprints import Footprints
 from manytouch.geometry.camera import project
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.markers.images import Face
-from manytouch.values import ESTIMATES, Contact, Phase
-from manytouch.values.arrays import read_only
+from manytouch.values import ESTIMATES, Contact
 
 _AREA, _DEPTH = ESTIMATES.index("area"), ESTIMATES.index("depth")
 _FITTED = [ESTIMATES.index(name) for name in ("normal_force", "x", "y")]
@@ -25,7 +25,7 @@ _SHEAR = [ESTIMATES.index(name) for name in ("shear_x", "shear_y")]
 _TORQUE = ESTIMATES.index("torque")
 _LINEAR = [number for number in range(len(ESTIMATES)) if number != _AREA]
 _CLAMP_THICKNESSES = 4.0  # from the clamp, at which `ModelError.position_clamp` and `force_clamp` apply
-_FORCES = ("shear_x", "shear_y", "normal_force", "torque")
+_FORCES = [ESTIMATES.index(name) for name in ("shear_x", "shear_y", "normal_force", "torque")]
 _RINGS = np.array(
     [[0.0, 0.0]]
     + [
@@ -204,7 +204,7 @@ class ContactEstimator:
                     clusters,
                     number,
                     depth_mm=depth_mm,
-                    centre_px=centre_px,
+                    centre_px=centre_px[number],
                     marker_covariance=marker_covariance,
                 )
             )
@@ -227,14 +227,13 @@ class ContactEstimator:
         """
         press_mm2, patch_area_mm2 = float(clusters.normal_mm2[number]), float(clusters.area_mm2[number])
         footprint = self.footprints(clusters, number, model.pitch_mm)
-        area_mm2 = footprint.area_mm2
         variance = self.error.variances(
             model,
             clusters.centre_mm[number],
             clusters.force_mm2[number],
             depth_mm,
             patch_area_mm2=patch_area_mm2,
-            area_mm2=area_mm2,
+            area_mm2=footprint.area_mm2,
         )
         fitted = clusters.covariance[number, :3, :3]
         if np.isfinite(fitted).all():
@@ -244,36 +243,19 @@ class ContactEstimator:
         covariance = marker_covariance + np.diag(variance)
         covariance[np.ix_(_FITTED, _FITTED)] += clusters.sheet_covariance[number, :3, :3]
         covariance[_AREA, _AREA] += footprint.area_std_mm2**2
-        is_unclear = bool(covariance[_AREA, _AREA] > area_mm2**2)
-        if is_unclear:
-            area_mm2 = np.nan
-            covariance[_AREA, :] = covariance[:, _AREA] = np.nan
-        young_MPa = np.nan if model.young_MPa is None else model.young_MPa
-        is_force = np.array([name in _FORCES for name in ESTIMATES])
-        unit = np.where(is_force, young_MPa, 1.0)
-        # An error of E scales all forces alike.
+        # an error of E scales all forces alike
         scaled = np.zeros(len(ESTIMATES))
         forces = np.array([*clusters.force_mm2[number, :2], press_mm2, clusters.torque_mm3[number]])
-        scaled[is_force] = model.young_relative_std * forces
-        covariance = covariance + np.outer(scaled, scaled)
-        return Contact(
-            id=-1,
-            phase=Phase.MOVE,
-            centre_mm=read_only(clusters.centre_mm[number].copy()),
-            centre_px=read_only(centre_px[number].copy()),
+        scaled[_FORCES] = model.young_relative_std * forces
+        return contact_of(
+            footprint,
+            covariance + np.outer(scaled, scaled),
+            centre_mm=clusters.centre_mm[number],
+            centre_px=centre_px,
             depth_mm=depth_mm,
-            force_N=read_only(young_MPa * clusters.force_mm2[number]),
-            torque_Nmm=float(young_MPa * clusters.torque_mm3[number]),
-            area_mm2=area_mm2,
-            covariance=read_only(covariance * np.outer(unit, unit)),
-            normal_force_over_E_mm2=press_mm2,
-            shear_over_E_mm2=(float(clusters.force_mm2[number, 0]), float(clusters.force_mm2[number, 1])),
-            half_major_mm=footprint.half_major_mm,
-            half_minor_mm=footprint.half_minor_mm,
-            orientation_rad=footprint.orientation_rad,
-            shape=footprint.shape,
-            shape_probability=footprint.shape_probability,
-            outline=None if is_unclear else footprint.outline,
+            force_mm2=clusters.force_mm2[number],
+            torque_mm3=float(clusters.torque_mm3[number]),
+            young_MPa=model.young_MPa,
         )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
+from manytouch.estimation.mechanics.regions.contact_values import contact_of
 from manytouch.estimation.mechanics.regions.footprints import Footprint, Footprints
 from manytouch.estimation.mechanics.regions.outlines import polygon_area, within_rectangle
 from manytouch.estimation.pad.contacts.contact_depth import ContactDepth, contact_depth
@@ -30,7 +31,7 @@ from manytouch.estimation.pad.patch_kernels import (
 )
 from manytouch.geometry.refraction import project_through_window
 from manytouch.medians import median
-from manytouch.values import ESTIMATES, Contact, Phase
+from manytouch.values import ESTIMATES, Contact
 from manytouch.values.arrays import Covariances3, Mask, read_only
 
 _AREA, _DEPTH, _NORMAL = (ESTIMATES.index(name) for name in ("area", "depth", "normal_force"))
@@ -160,43 +161,26 @@ class PadContacts:
         slope[_NORMAL, RADIAL_SHEAR] += parameters[FORCE] * by_radial
         covariance = _fitted_covariance(fit, number, slope)
         footprint = _on_pad(self.footprints(clusters, number, model.pitch_mm), model)
-        area_mm2 = footprint.area_mm2
         std = self._model_std(model, parameters, profile, depth_mm=depth_mm, press_mm2=press_mm2)
         covariance += np.diag(std**2)
-        covariance[_AREA, _AREA] = footprint.area_std_mm2**2 + (self.area_share * area_mm2) ** 2
-        is_unclear = bool(covariance[_AREA, _AREA] > area_mm2**2)
-        if is_unclear:
-            area_mm2 = np.nan
-            covariance[_AREA, :] = covariance[:, _AREA] = np.nan
+        covariance[_AREA, _AREA] = footprint.area_std_mm2**2 + (self.area_share * footprint.area_mm2) ** 2
         if covariance[_DEPTH, _DEPTH] > (self.most_depth_std * model.thickness_mm) ** 2:
             depth_mm = np.nan
             covariance[_DEPTH, :] = covariance[:, _DEPTH] = np.nan
+        # errors of E and of the scale of the image change all forces alike
         common = np.zeros(len(ESTIMATES))
         common[_FORCES] = parameters[SHEAR_X], parameters[SHEAR_Y], press_mm2, parameters[TORQUE]
         covariance = covariance + (model.young_std**2 + model.scale_std**2) * np.outer(common, common)
-        young_MPa = np.nan if model.young_MPa is None else model.young_MPa
-        unit = np.ones(len(ESTIMATES))
-        unit[_FORCES] = young_MPa
         face_mm = np.array([*centre_mm, model.sheet.marker_depth_mm or 0.0]) + deepest.centre_mm
-        centre_px = project_through_window(model.camera, model.sheet, face_mm[None])[0]
-        return Contact(
-            id=-1,
-            phase=Phase.MOVE,
-            centre_mm=read_only(centre_mm.copy()),
-            centre_px=read_only(centre_px),
+        return contact_of(
+            footprint,
+            covariance,
+            centre_mm=centre_mm,
+            centre_px=project_through_window(model.camera, model.sheet, face_mm[None])[0],
             depth_mm=depth_mm,
-            force_N=read_only(young_MPa * np.array([parameters[SHEAR_X], parameters[SHEAR_Y], -press_mm2])),
-            torque_Nmm=float(young_MPa * parameters[TORQUE]),
-            area_mm2=area_mm2,
-            covariance=read_only(covariance * np.outer(unit, unit)),
-            normal_force_over_E_mm2=press_mm2,
-            shear_over_E_mm2=(float(parameters[SHEAR_X]), float(parameters[SHEAR_Y])),
-            half_major_mm=footprint.half_major_mm,
-            half_minor_mm=footprint.half_minor_mm,
-            orientation_rad=footprint.orientation_rad,
-            shape=footprint.shape,
-            shape_probability=footprint.shape_probability,
-            outline=None if is_unclear else footprint.outline,
+            force_mm2=np.array([parameters[SHEAR_X], parameters[SHEAR_Y], -press_mm2]),
+            torque_mm3=float(parameters[TORQUE]),
+            young_MPa=model.young_MPa,
         )
 
     def _model_std(
