@@ -102,12 +102,14 @@ def test_an_error_comes_after_the_items_before_it() -> None:
 
 
 def test_leaving_the_block_ends_a_thread_that_waits() -> None:
-    with BackgroundIterator(iter(range(100)), ahead=1) as stream:
+    name = "a thread that waits"
+    with BackgroundIterator(iter(range(100)), ahead=1, thread_name=name) as stream:
         assert next(iter(stream)) == 0
-    assert not any(thread.name == "manytouch-track" for thread in threading.enumerate())
+        assert name in [thread.name for thread in threading.enumerate()]
+    assert name not in [thread.name for thread in threading.enumerate()]
 
 
-def test_turns_are_as_before_when_the_last_of_several_sessions_has_ended() -> None:
+def test_the_switch_interval_is_as_before_when_the_last_of_several_blocks_has_ended() -> None:
     before_s = sys.getswitchinterval()
     first, second = short_switch_interval(), short_switch_interval()
     first.__enter__()
