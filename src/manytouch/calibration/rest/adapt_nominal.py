@@ -25,11 +25,11 @@ and that of a calibrated sensor, whose thickness and outline are still those of 
 NOMINAL_NAME = " (nominal)"
 """End of the names of such sensors."""
 MOST_RESIDUAL = 0.15
-"""RMS residual of a pose, in pitches, beyond which a file describes another kind of sensor."""
+"""If the RMS residual of the fitted pose is larger, in pitches, the file describes another kind of sensor."""
 _ADVICE = ": give the file of this sensor, calibrate one (manytouch calibrate rest), or leave the file out"
 _SAME_PITCH = 0.12
-"""Logarithm of the ratio of found to expected pitch in the image, beyond which the device has another print;
-below, the camera has another distance."""
+"""If the logarithm of the ratio of the found to the expected pitch in the image is larger, the device has
+another print; if it is smaller, the camera has another distance."""
 
 
 def register_nominal(
@@ -84,12 +84,13 @@ def register_nominal(
         return adapted
     if adapted is None:
         return usual
-    unseen = [_wanted(each) - count for each, count in ((adapted, adapted_count), (usual, usual_count))]
-    return adapted if (adapted_count, -unseen[0]) > (usual_count, -unseen[1]) else usual
+    adapted_unseen = _present_count(adapted) - adapted_count
+    usual_unseen = _present_count(usual) - usual_count
+    return adapted if (adapted_count, -adapted_unseen) > (usual_count, -usual_unseen) else usual
 
 
-def _wanted(sensor: Sensor) -> int:
-    """Number of markers of the layout."""
+def _present_count(sensor: Sensor) -> int:
+    """Number of markers of the layout that are not missing."""
     assert sensor.layout is not None
     return int((~sensor.layout.is_missing).sum())
 

@@ -16,15 +16,17 @@ if TYPE_CHECKING:
     from manytouch.detection import Appearance
 
 MOST_FRAMES = 24
+"""Largest number of first frames in which dots are searched for."""
 IN_FRONT_OF_A_SCENE = (
     "The dots are few, or other things are seen between them; those that stay in place on smooth lines are "
     "the markers."
 )
 _LEAST_DOTS = 4
 _REGULAR, _FEW = 0.8, 60
-"""A pattern of fewer dots with a smaller regular share may be before a scene: choices."""
+"""If fewer than 60 dots are found, and less than 0.8 of them are in a regular pattern, they may be seen
+before a scene (`Layout.is_before_scene`): choices."""
 _FEWEST_PICTURES = 8
-"""Fewer do not show what lasts."""
+"""With fewer pictures, dots that stay in place cannot be distinguished from a scene that moves."""
 _DISTANT_PX = 1e6
 """Focal length and distance of the camera of a provisional sensor, whose unit of length is one pixel."""
 _SMALL_SHARE = 0.6
@@ -107,9 +109,10 @@ def find_rest_dots(
 def _confirmed_at_rest(
     by_size: RestDots, confirmed: RestDots, at_rest: Sequence[Frame], polarity: Polarity, roi_px: Roi | None
 ) -> RestDots:
-    """The rest dots that a survey of the rest frames confirms, if more than are `confirmed`.
+    """The dots at rest that a survey of the frames at rest confirms, or `confirmed` if these are more.
 
-    Dots that moved by half a spacing from the surveyed frame to the rest frames are not recognised.
+    The first survey was of a frame in which the sheet moved. Dots that moved by half a spacing from that
+    frame to those at rest are not among `confirmed`.
     """
     from manytouch.detection import survey
 

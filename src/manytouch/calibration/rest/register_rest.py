@@ -21,12 +21,15 @@ from manytouch.values.arrays import read_only
 from manytouch.values.sensor_file.default_std import camera_std
 
 TOUCHED_PITCHES = 0.08
-"""A larger local distance of markers from where the sensor file has its lattice is by a touch, and not by the
-print. Chosen on the scene sim:one, where a press 2.6 mm deep moves markers so far (ADR 112)."""
+"""If the markers of one place are farther from the lattice of the sensor file, the sheet was touched; smaller
+distances may be those of the print. Chosen on the scene sim:one, where a press 2.6 mm deep moves markers as
+far as this (ADR 112)."""
 MOVED_PITCHES = 0.05
 """The limit where the sensor file states measured places, instead of `TOUCHED_PITCHES`."""
 _LEAST_SHARE = 0.5
+"""Least share of the markers that must be found."""
 _UNUSUAL_STDS = 4.0
+"""An inclination that differs from the stated one by more standard deviations is reported: a choice."""
 _SAME_DOT = 0.3  # distance of a marker from its own dot, over the root of the area of a dot
 
 
@@ -111,7 +114,10 @@ def _register_in_frames(sensor: Sensor, frames: Sequence[Frame], roi_px: Roi | N
 
 
 def _with_radii(sensor: Sensor, still: RestDots) -> Sensor:
-    """The registered sensor with the radii of its dots at rest: a half-printed dot is a poor measurement."""
+    """The registered sensor with the radii of its dots at rest.
+
+    They differ where dots are half printed, which are measured less accurately.
+    """
     layout = sensor.layout
     assert layout is not None
     assert layout.rest_px is not None
@@ -149,10 +155,10 @@ def _register_and_count_dots(
 ) -> tuple[Sensor, int]:
     assert sensor.layout is not None
     layout = sensor.layout
-    follow = MarkerTracker(roi_px=roi_px)
-    nominal = follow.start(replace(sensor, layout=replace(layout, rest_px=None)))
+    tracker = MarkerTracker(roi_px=roi_px)
+    nominal = tracker.start(replace(sensor, layout=replace(layout, rest_px=None)))
     # The nominal pose serves as the previous frame: markers near it have not shifted by a pitch.
-    state, grid = follow.step(replace(nominal, is_consecutive=True), _detections_at(centre_px))
+    state, grid = tracker.step(replace(nominal, is_consecutive=True), _detections_at(centre_px))
     found, wanted = int(grid.is_seen.sum()), int((~layout.is_missing).sum())
     if found < _LEAST_SHARE * wanted:
         raise LayoutError(
@@ -190,10 +196,11 @@ def _register_and_count_dots(
 
 
 def _bulge_in_pitches(sensor: Sensor, grid: TrackedGrid) -> float:
-    """Largest local distance of the markers from where the sensor file has them at rest.
+    """Largest local distance of the markers, in pitches, from their places at rest in the sensor file.
 
-    What a wrong pose, lens or print changes is smooth or alike in whole rows, and does not count. 0 for a
-    layout that is no full table, and for a pad, on which a press moves markers by less than the print may.
+    A wrong pose, lens or print changes positions smoothly, or by the same amount in whole rows; these
+    changes do not count. It is 0 for a layout that is no full table, and for a pad, on which a press moves
+    markers by less than an uneven print.
     """
     layout, sheet = sensor.layout, sensor.sheet
     assert layout is not None
