@@ -1,9 +1,9 @@
 """Shape, contacts and forces of a bonded pad.
 
-`PatchFitter` fits the patches of the frame before to the marker images; `PatchSearch` adds patches for what
-they do not explain, as long as the misfit falls by more than chance and the model's error allow. Depth is
-that of the contact face, with `large_strain`. Identities, slip, reference drift and outliers are those of
-clamped sheets.
+`PatchFitter` fits the patches of the previous frame to the marker images. `PatchSearch` adds patches for what
+they do not explain, as long as each reduces the misfit by more than noise and the error of the model do.
+Depth is that of the contact face, with `large_strain`. Identities, slip, reference drift and outliers are
+determined as on clamped sheets.
 """
 
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ from manytouch.values.arrays import Points2, Points3, read_only
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PadState:
-    """What a frame passes to the next.
+    """What stays the same between frames, and what a frame passes to the next one.
 
     Attributes:
         model: of the pad.
@@ -54,8 +54,8 @@ class PadState:
         initial_reference_px, reference_px: (m, 2) marker images at rest, at the start and now.
         patches: of the last frame.
         displacement_mm: (m, 3) of the markers in the last frame.
-        refused_misfit: misfit of the frame in which another contact or profile was last tried in vain; 0 if
-            none was: in the next frame everything is tried that may explain it better.
+        refused_misfit: misfit of the frame in which another contact or profile was last tried in vain. 0:
+            none was, so that everything is tried in the next frame that may explain it better.
         slip, tracks: of the contacts.
     """
 
@@ -82,8 +82,8 @@ class PadEstimator:
         nominal_pad: properties of a pad that the sensor does not state.
         fitter: of the patches.
         search: of new patches.
-        profile_choice: of the pressures.
-        image_error: of the marker images by the model.
+        profile_choice: tries other profiles and widths of the patches.
+        image_error: errors of the marker images that the model does not explain.
         outlier_gate: weights of the markers.
         pad_contacts: contacts with their covariances.
         contact_tracker: identities of contacts.
@@ -91,24 +91,27 @@ class PadEstimator:
         reference_drift: update of the reference while nothing touches the pad.
         slip_detector: flags contacts that slide.
         max_contacts: largest number of contacts.
-        start_gain: least reduction of the misfit by a new contact, with weights that contain the model's
-            error under it; for a further contact, over the misfit per degree of freedom with it (at least 1).
-        sure_gain: reduction of the misfit by a new contact, with weights that lack the model's error under
-            it, from which it is accepted at once; for a further contact, as in `start_gain`.
+        start_gain: a first contact must reduce the misfit by at least this, with weights that contain the
+            error of the model under it; a further contact, by this times the misfit per degree of freedom
+            with it (`misfit_scale`).
+        sure_gain: the same with weights that lack the error of the model under the contact. A contact with
+            this gain is accepted at once.
         start_stds, last_stds: least normal force of a contact that starts and of one that lasts, in standard
-            deviations by noise and priors. Where all markers may have stayed displaced by an earlier press,
-            force or depth must also be `last_stds` of the deviations that are reported. The only contact on a
-            pad whose markers are displaced locally needs no force: it is certain, and its force is not.
+            deviations by noise and priors. Where the markers may only have stayed displaced after an earlier
+            press, the force or the depth must also be `last_stds` of the reported deviations. The only
+            contact on a pad that is certainly touched needs no force: the contact is certain, although its
+            force is not.
         least_depth: least depth of a contact, in thicknesses.
-        retry_misfit: ratio of the misfit to that of the frame in which another contact or profile was last
-            tried in vain, from which one is tried again.
-        refusal_lasts: factor by which the misfit of that frame is reduced in each further frame, if that of
-            the further frame is not less.
-        split_misfit: misfit per image coordinate above which the widest contact may be two, or wider.
-        merge_gain: least increase of the misfit if two near contacts were one, over that per degree of
-            freedom (at least 1).
-        same_share: change of the marker images over their displacement, root mean squares, up to which the
-            weights and the guesses of the frame before are used.
+        retry_misfit: another contact or profile is tried again when the misfit is this factor of that of the
+            frame in which it was last tried in vain.
+        refusal_lasts: in each further frame, the misfit of that frame is multiplied by this factor, or
+            becomes the misfit of the further frame if that is less.
+        split_misfit: if the misfit per image coordinate is larger, the widest contact is also tried as two
+            contacts and as a wider one.
+        merge_gain: two near contacts become one unless that increases the misfit by this times the misfit per
+            degree of freedom (`misfit_scale`).
+        same_share: weights and guesses of the previous frame are used if the marker images have changed by at
+            most this share of their displacement (root mean squares).
     """
 
     nominal_pad: NominalPad = field(default_factory=NominalPad)
@@ -171,7 +174,7 @@ class PadEstimator:
             tracks, contacts = self.contact_tracker.step(state.tracks, (), status=status)
             return replace(state, tracks=tracks), unknown_surface(model.layout, status), contacts
         measured, touch = self._measured(state, grid), state.touch
-        fit, refused_misfit = self._frame(state, measured)
+        fit, refused_misfit = self._fit_contacts(state, measured)
         shape = pad_shape(model, fit)
         found = self.pad_contacts(model, fit, shape)
         if grid.status is Status.OK:
@@ -221,17 +224,17 @@ class PadEstimator:
 
     def fit_frame(self, state: PadState, grid: TrackedGrid) -> PadFit:
         """The contacts of the next frame."""
-        return self._frame(state, self._measured(state, grid))[0]
+        return self._fit_contacts(state, self._measured(state, grid))[0]
 
     def _last_stds(self, patches: Patches, measured: MeasuredImages) -> float:
         """`last_stds`; 0 for the only contact on a touched pad, which is one also if its force is unclear."""
         return 0.0 if measured.is_touched and len(patches) == 1 else self.last_stds
 
-    def _frame(self, state: PadState, measured: MeasuredImages) -> tuple[PadFit, float]:
+    def _fit_contacts(self, state: PadState, measured: MeasuredImages) -> tuple[PadFit, float]:
         """The contacts of the next frame, and `PadState.refused_misfit`.
 
-        In a frame with a new contact, what else may be tried waits for the next one, which tries all of it.
-        The first frame does so too: it may be the only one.
+        After a new contact was found, whatever else may explain the images better is tried in the next frame.
+        In the first frame everything is tried at once, since it may be the only one.
         """
         model = state.model
         fit = self._pruned(model, self._fit(model, state.patches, measured, state.displacement_mm), measured)
@@ -245,7 +248,7 @@ class PadEstimator:
             better = None if is_chosen else self._with_profile(model, fit, measured)
             is_chosen = better is not None and len(better.patches) == 1  # no other profile is left to try
             if better is None and len(fit.patches) < self.max_contacts:
-                better = self._longer(state, fit, measured)
+                better = self._with_more(state, fit, measured)
             if better is None:
                 refused_misfit = fit.misfit
                 break
@@ -268,18 +271,18 @@ class PadEstimator:
         guess = self.profile_choice(model, self.fitter, fit, linear_px)
         return None if guess is None else self._fit(model, guess.patches, measured, guess.marker_mm(model))
 
-    def _longer(self, state: PadState, fit: PadFit, measured: MeasuredImages) -> PadFit | None:
+    def _with_more(self, state: PadState, fit: PadFit, measured: MeasuredImages) -> PadFit | None:
         """The fit with one contact more or a wider one, where that explains the images better."""
         model = state.model
         guess, gain = self.search(state.candidates, fit.residual_px, fit.weight)
-        longer = None
+        more = None
         if guess is not None and gain >= self.start_gain:
             guess = self.search.widened(model, self.fitter, guess, fit.residual_px, fit.weight)
-            longer = self._if_better(model, fit, fit.patches.with_more(guess[None], Profile.DOME), measured)
+            more = self._if_better(model, fit, fit.patches.with_more(guess[None], Profile.DOME), measured)
         if not self._is_poor(fit) or len(fit.patches) == 0:
-            return longer
+            return more
         tried = [self._if_better(model, fit, each, measured) for each in halved_or_wider(fit.patches)]
-        return min(filter(None, [longer, *tried]), key=self._cost, default=None)
+        return min(filter(None, [more, *tried]), key=self._cost, default=None)
 
     def _is_poor(self, fit: PadFit) -> bool:
         """Whether the images are explained badly."""
