@@ -21,10 +21,13 @@ from manytouch.values import ESTIMATES, Contact
 
 _AREA, _DEPTH = ESTIMATES.index("area"), ESTIMATES.index("depth")
 _FITTED = [ESTIMATES.index(name) for name in ("normal_force", "x", "y")]
+"""Estimates that are those of a fitted patch, in the order of `Clusters.covariance`."""
 _SHEAR = [ESTIMATES.index(name) for name in ("shear_x", "shear_y")]
 _TORQUE = ESTIMATES.index("torque")
 _LINEAR = [number for number in range(len(ESTIMATES)) if number != _AREA]
-_CLAMP_THICKNESSES = 4.0  # from the clamp, at which `ModelError.position_clamp` and `force_clamp` apply
+"""Estimates whose derivatives by the coefficients of the shape are known: all but the area."""
+_CLAMP_THICKNESSES = 4.0
+"""Distance from a clamp, in thicknesses, at which `ModelError.position_clamp` and `force_clamp` apply."""
 _FORCES = [ESTIMATES.index(name) for name in ("shear_x", "shear_y", "normal_force", "torque")]
 _RINGS = np.array(
     [[0.0, 0.0]]
@@ -34,6 +37,7 @@ _RINGS = np.array(
         for angle in 2.0 * np.pi * np.arange(count) / count
     ]
 )
+"""The centre of a disc with radius 1 and points on two circles in it; the deepest of them is searched for."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -106,7 +110,7 @@ class ModelError:
         press_mm2, shear_mm2 = -float(force_mm2[2]), float(np.hypot(force_mm2[0], force_mm2[1]))
         radius_mm = np.sqrt(patch_area_mm2 / np.pi)
         place = np.hypot(self.position_pitch * model.pitch_mm, self.position_radius * radius_mm)
-        # along x and y: 1 at four thicknesses from a clamp, e times more one thickness nearer, 55 at a clamp
+        # along x and y: 1 at four thicknesses from a clamp, e times that one thickness nearer, 55 at a clamp
         near_clamp = np.zeros(2)
         if model.patch.boundary == "clamped":
             inside_mm = 0.5 * np.array(model.patch.size_mm) - np.abs(centre_mm - model.patch.centre_mm)
@@ -194,7 +198,8 @@ class ContactEstimator:
         contacts = []
         for number, marker_covariance in enumerate(covariance):
             depth_mm = -float(moved_mm[number, deepest[number], 2])
-            # under a rigid flat face the sheet is equally deep; under a fitted patch of pressure it is hollow
+            # Under a rigid flat face the sheet is equally deep everywhere; under a fitted patch of pressure,
+            # it is deeper in the middle. A contact that the markers do not resolve may be either.
             hollow_mm = depth_mm + float(moved_mm[number, :, 2].mean())
             unresolved = min(1.0, model.pitch_mm / float(radius_mm[number]))
             marker_covariance[_DEPTH, _DEPTH] += (0.5 * unresolved * hollow_mm) ** 2

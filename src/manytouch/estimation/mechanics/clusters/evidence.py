@@ -257,6 +257,7 @@ class ForcePosterior:
 
 
 def _combinations(model: InversionModel, posterior: Posterior, node: Int64[np.ndarray, " n"]) -> Combinations:
+    """The eigenvectors of the likelihood matrix L of some nodes that the markers determine."""
     inverse = np.linalg.inv(posterior.force_covariance(node))
     likelihood = inverse - np.diag(posterior.weight[node, 2])
     size, axes = np.linalg.eigh(0.5 * (likelihood + likelihood.T))
@@ -272,6 +273,7 @@ def _combinations(model: InversionModel, posterior: Posterior, node: Int64[np.nd
 
 
 def _local(model: InversionModel, node: Int64[np.ndarray, " n"]) -> Int64[np.ndarray, "nx ny"]:
+    """(nx, ny) number of each node of the sheet, dropped ones included, among some nodes; or -1."""
     patch = model.patch
     of_node = np.full(patch.node_count, -1, dtype=np.int64)
     of_node[node] = np.arange(len(node))
