@@ -226,6 +226,7 @@ def prepare(
         )
         chosen = method or default_method(started.sensor)
         require_method_for(started.sensor, chosen)
+        pipeline = pipeline_for(chosen, roi_px, parameters)
     except BaseException:
         close(source)
         raise
@@ -235,7 +236,7 @@ def prepare(
         frames=started.frames if source.is_live else chain(started.first, started.frames),
         samples=started.first[:2],
         sensor=_with_assumptions(started.sensor, source, chosen),
-        pipeline=pipeline_for(chosen, roi_px, parameters),
+        pipeline=pipeline,
         method=chosen,
         roi_px=roi_px,
         request=Request(

@@ -36,6 +36,7 @@ from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.result_folder import CHECK_INTERVAL
 from manytouch.sources import open_source
 from manytouch.sources.simulated import SimulatedSource, simulated_source
+from manytouch.sources.source import Capabilities
 from manytouch.values import Command, Pause, Press, Reading, Resume, Roi, Sensor, Tune, UseMethod
 from part_of_sheet import part_of_sheet
 from results import rows_of
@@ -217,6 +218,19 @@ def test_a_rate_for_an_open_source_is_refused_as_it_has_no_effect(tmp_path: Path
     with pytest.raises(SourceError, match=r"is an open source: give fps=10.0 to manytouch.open_source"):
         process(DrawnSource(frames=16), out=tmp_path, fps=10.0)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_parameter_that_the_chosen_method_does_not_have_releases_the_source() -> None:
+    closed: list[str] = []
+
+    class Closing(DrawnSource):
+        @property
+        def capabilities(self) -> Capabilities:
+            return replace(super().capabilities, close=lambda: closed.append("source"))
+
+    with pytest.raises(ManytouchError, match="nonsense"):
+        prepare(Closing(frames=16), pitch_mm=4.0, parameters={"estimate.nonsense": 1.0})
+    assert closed == ["source"]
 
 
 def test_a_source_need_not_state_the_size_of_its_images() -> None:
