@@ -13,7 +13,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
-from numba.core.runtime.nrt import rtsys
+from numba.core.runtime import _nrt_python  # type: ignore[attr-defined]  # an extension module
 
 
 class MachineCode(CompileResultCacheImpl):
@@ -39,9 +39,20 @@ class KernelCache(FunctionCache):
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         """The code for these types of arguments; None if it is not in the files."""
-        rtsys.initialize(context)  # memory of arrays
+        _provide_memory_functions()
         with self._guard_against_spurious_io_errors():
             return self._load_overload(signature, context)
+
+
+@cache
+def _provide_memory_functions() -> None:
+    """Make known what machine code calls for the memory of arrays.
+
+    numba does the same in `rtsys.initialize`, which also compiles functions that machine code in files
+    contains already. For that alone 25 MB of the compiler would be read.
+    """
+    for name, address in _nrt_python.c_helpers.items():
+        llvm.add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
 
 
 def keep_in_files(kernel: Any) -> None:
