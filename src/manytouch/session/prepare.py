@@ -233,7 +233,8 @@ def prepare(
     return Job(
         text=text,
         source=source,
-        frames=started.frames if source.is_live else chain(started.first, started.frames),
+        # an iterator releases its tuple
+        frames=started.frames if source.is_live else chain(iter(started.first), started.frames),
         samples=started.first[:2],
         sensor=_with_assumptions(started.sensor, source, chosen),
         pipeline=pipeline,

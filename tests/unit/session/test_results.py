@@ -1,10 +1,13 @@
 """From an input to its folder: what is refused early, what is complete whatever ends the run."""
 
 import errno
+import gc
 import json
 import shutil
+import weakref
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -85,6 +88,14 @@ def test_every_method_reads_every_frame_in_order(method: str) -> None:
     assert [reading.frame.index for reading in seen.readings] == list(range(30))
     assert seen.is_closed
     assert seen.readings[-1].grid.is_seen.sum() >= 0.9 * ROWS * COLUMNS
+
+
+def test_the_first_frames_are_released_once_they_are_read() -> None:
+    job = prepare(DrawnSource(frames=40, change=lambda _, image: image.copy()))
+    images = [weakref.ref(frame.image) for frame in islice(job.frames, 30) if frame.image is not None]
+    gc.collect()
+    kept = [index for index, image in enumerate(images) if image() is not None]
+    assert kept == list(range(len(job.samples)))
 
 
 def test_an_unknown_method_lists_those_there_are() -> None:
