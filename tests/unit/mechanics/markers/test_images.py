@@ -1,6 +1,7 @@
 """From the bent sheet to the image: signs, the lever, the deformed disc, derivatives."""
 
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 import spline_reference as reference
 from manytouch.geometry.camera import project
 from manytouch.geometry.spline.patch import SplinePatch
+from manytouch.mechanics.markers.discs import disc_places
 from manytouch.mechanics.markers.images import Face, MarkerImages
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Camera
@@ -161,3 +163,21 @@ def test_the_derivative_is_exact_for_points_and_close_for_discs(
     size = np.sqrt((found**2).mean())
     np.testing.assert_allclose(found, numeric(points), atol=1e-4 * size)
     assert np.sqrt(((found - numeric(dots)) ** 2).mean()) < 0.15 * size
+
+
+def test_changed_markers_have_the_same_images_as_new_ones_and_share_outlines(
+    dots: MarkerImages, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(3)
+    shape_mm = rng.normal(scale=0.1, size=(dots.shell.patch.node_count, 3))
+    taut = replace(dots.shell, pretension_over_E_mm=dots.shell.pretension_over_E_mm + 0.1)
+    thicker = replace(dots.shell, thickness_mm=1.1 * dots.shell.thickness_mm)
+    turned = replace(dots.camera, rotation_vector=np.array([0.1, 0.0, 0.0]))
+    new = [replace(dots, **change) for change in ({"shell": taut}, {"shell": thicker}, {"camera": turned})]
+    expected_px = [each.displacement_px(shape_mm) for each in new]
+    computed = mock.Mock(side_effect=disc_places)
+    monkeypatch.setattr("manytouch.mechanics.markers.images.disc_places", computed)
+    changed = [dots.changed(shell=taut), dots.changed(shell=thicker), dots.changed(camera=turned)]
+    for found, place_px in zip(changed, expected_px, strict=True):
+        np.testing.assert_array_equal(found.displacement_px(shape_mm), place_px)
+    assert computed.call_count == 2  # only a thicker sheet has other basis functions

@@ -66,7 +66,7 @@ class InversionModel:
     def with_pretension(self, over_E_mm: float) -> "InversionModel":
         """The model with another membrane force per length at rest, over E."""
         shell = replace(self.shell, pretension_over_E_mm=over_E_mm)
-        dots = replace(self.dots, shell=shell)
+        dots = self.dots.changed(shell=shell)
         ratio = _compliance_per_mm(self.shell, self.pitch_mm) / _compliance_per_mm(shell, self.pitch_mm)
         nodes = replace(self.nodes, least_force_mm2=ratio * self.nodes.least_force_mm2)
         equations = NormalEquations(shell=shell, dots=dots)

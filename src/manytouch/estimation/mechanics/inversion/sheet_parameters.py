@@ -75,7 +75,7 @@ def sheet_variants(model: InversionModel, sheet: Sheet) -> tuple[SheetVariant, .
             SheetVariant(
                 shell=thicker,
                 std_over_step=std.thickness_mm / step_mm,
-                marker_images=replace(model.dots, shell=thicker),
+                marker_images=model.dots.changed(shell=thicker),
             )
         )
     if std.poisson:
@@ -93,7 +93,7 @@ def sheet_variants(model: InversionModel, sheet: Sheet) -> tuple[SheetVariant, .
                 shell=larger,
                 std_over_step=outline / _STEP,
                 outline_std_over_step=float(np.hypot(outline, CLAMP_STD_THICKNESSES)) / _STEP,
-                marker_images=replace(model.dots, shell=larger),
+                marker_images=model.dots.changed(shell=larger),
             )
         )
     if std.bending_factor:
@@ -121,7 +121,7 @@ def _camera_variants(model: InversionModel) -> list[SheetVariant]:
     if scale > 0.0:
         changed.append(_magnified(camera, 1.0 + scale))
     return [
-        SheetVariant(shell=None, std_over_step=1.0, marker_images=replace(model.dots, camera=each))
+        SheetVariant(shell=None, std_over_step=1.0, marker_images=model.dots.changed(camera=each))
         for each in changed
     ]
 
