@@ -35,7 +35,7 @@ from manytouch.calibration.rest.rest_report import describe
 from manytouch.estimation.pad.estimator import PadEstimator
 from manytouch.estimation.pad.patch_fit import PatchFitter
 from manytouch.values import Frame, Sensor, TrackedGrid
-from manytouch.values.sensor_file import load_sensor
+from manytouch.values.sensor_file.read import load_sensor
 
 DEFAULT = Path(__file__).parents[1] / "../shared/data/um_fingervision"
 SENSOR = "fingervision-um"

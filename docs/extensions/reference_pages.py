@@ -384,7 +384,11 @@ def api() -> str:
             "manytouch.sources",
         ),
         "Results and plots": ("manytouch.analysis.read_results", "manytouch.analysis.plots"),
-        "Sensors": ("manytouch.values.sensor_file", "manytouch.calibration"),
+        "Sensors": (
+            "manytouch.values.sensor_file.read",
+            "manytouch.values.sensor_file.write",
+            "manytouch.calibration",
+        ),
         "Simulation": ("manytouch.simulation.contacts",),
         "Values": ("manytouch.values", "manytouch.geometry.surface_sampling"),
         "Parts of a pipeline": ("manytouch.pipeline",),

@@ -73,11 +73,8 @@ _NAMES = {
         "TrackedGrid",
         "Truth",
     ),
-    "manytouch.values.sensor_file": (
-        "known_sensors",
-        "load_sensor",
-        "save_sensor",
-    ),
+    "manytouch.values.sensor_file.read": ("known_sensors", "load_sensor"),
+    "manytouch.values.sensor_file.write": ("save_sensor",),
 }
 _MODULE_OF = {name: module for module, names in _NAMES.items() for name in names}
 

@@ -59,10 +59,10 @@ from manytouch.values import (
     TrackedGrid as TrackedGrid,
     Truth as Truth,
 )
-from manytouch.values.sensor_file import (
+from manytouch.values.sensor_file.read import (
     known_sensors as known_sensors,
     load_sensor as load_sensor,
-    save_sensor as save_sensor,
 )
+from manytouch.values.sensor_file.write import save_sensor as save_sensor
 
 __version__: str

@@ -30,7 +30,8 @@ from manytouch.simulation.solve_scene import solid_problem
 from manytouch.sinks.viewer.client_messages import parse_client_message
 from manytouch.sources import open_source
 from manytouch.values import Frame, Reading
-from manytouch.values.sensor_file import load_sensor, save_sensor
+from manytouch.values.sensor_file.read import load_sensor
+from manytouch.values.sensor_file.write import save_sensor
 
 MAX_BOMB_MB = 200.0
 PRESSES = """input,time_s,x_mm,y_mm,radius_mm,normal_force_N

@@ -15,7 +15,8 @@ from layouts import lattice_layout, marker_layout
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sinks.files.tables import ContactTable, MarkerTable
 from manytouch.values import Camera, Contacts, Phase, Sensor, Sheet
-from manytouch.values.sensor_file import load_sensor, save_sensor
+from manytouch.values.sensor_file.read import load_sensor
+from manytouch.values.sensor_file.write import save_sensor
 from results import rows_of
 from same_bits import assert_same_bits
 from viewer_session import reading_of

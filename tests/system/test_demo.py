@@ -17,7 +17,7 @@ import pytest
 from clips import pressed_video
 from command_line import run_command
 from manytouch.simulation.demo_sensor import demo_sensor
-from manytouch.values.sensor_file import save_sensor
+from manytouch.values.sensor_file.write import save_sensor
 from osc_receiver import Receiver
 from part_of_sheet import part_of_sheet
 from results import rows_of

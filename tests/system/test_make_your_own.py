@@ -17,7 +17,8 @@ from manytouch.design.dimensions import Design
 from manytouch.design.prototype import Prototype
 from manytouch.design.requirements import CameraSpecification, Printer, Requirements
 from manytouch.values import Sensor
-from manytouch.values.sensor_file import load_sensor, save_sensor
+from manytouch.values.sensor_file.read import load_sensor
+from manytouch.values.sensor_file.write import save_sensor
 
 SOFT = Requirements(
     area_mm=(60.0, 40.0),

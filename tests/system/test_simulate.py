@@ -16,7 +16,7 @@ from command_line import Done, run_command
 from manytouch.calibration.sheet.press_table import read_press_table
 from manytouch.cli import main
 from manytouch.sinks.files.tables import contact_column_names, marker_column_names
-from manytouch.values.sensor_file import load_sensor
+from manytouch.values.sensor_file.read import load_sensor
 from results import rows_of
 
 SENSOR = """

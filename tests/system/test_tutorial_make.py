@@ -8,7 +8,7 @@ import pytest
 
 from manytouch.cli import main
 from manytouch.design.parts import pictures
-from manytouch.values.sensor_file import load_sensor
+from manytouch.values.sensor_file.read import load_sensor
 
 PAGE = Path(__file__).parents[2] / "docs" / "from-nothing-to-newtons.md"
 

@@ -15,7 +15,8 @@ from manytouch.design.requirements import CameraSpecification, Requirements
 from manytouch.session import prepare
 from manytouch.sinks.recorder import Recorder
 from manytouch.values import Sensor
-from manytouch.values.sensor_file import load_sensor, save_sensor
+from manytouch.values.sensor_file.read import load_sensor
+from manytouch.values.sensor_file.write import save_sensor
 from results import rows_of
 
 pty = pytest.importorskip("pty", reason="there are pseudo-terminals on POSIX only")

@@ -24,7 +24,7 @@ from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sinks.viewer import Viewer
 from manytouch.sources.pressed.pressed_source import PressedSource
 from manytouch.values import Comparison, Pause, Reading, Sensor
-from manytouch.values.sensor_file import save_sensor
+from manytouch.values.sensor_file.write import save_sensor
 from part_of_sheet import part_of_sheet
 from viewer_session import FakeSession, reading_of
 

@@ -122,7 +122,7 @@ def batch(
     from manytouch.batch.settings import settings_for
     from manytouch.session import Request
     from manytouch.sinks.files.atomic_output import check_writable
-    from manytouch.values.sensor_file import load_sensor
+    from manytouch.values.sensor_file.read import load_sensor
 
     if not is_remote(out):
         check_writable(Path(out))

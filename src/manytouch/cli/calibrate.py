@@ -159,7 +159,7 @@ def rest(
     from manytouch.calibration.sensor_at_rest import calibrate_sensor_at_rest, candidate_frames, stated_sheet
     from manytouch.cli.terminal.console import Steps
     from manytouch.sources import closing_source, open_source
-    from manytouch.values.sensor_file import load_sensor
+    from manytouch.values.sensor_file.read import load_sensor
 
     console = Console(highlight=False, soft_wrap=True, markup=False)
     known = load_sensor(sensor)
@@ -255,7 +255,7 @@ def sheet(
     from manytouch.calibration.sheet.press_table import PressRow, measure_presses, read_press_table
     from manytouch.calibration.sheet.typed_presses import read_typed_presses
     from manytouch.cli.terminal.console import Steps
-    from manytouch.values.sensor_file import load_sensor
+    from manytouch.values.sensor_file.read import load_sensor
 
     console = Console(highlight=False, soft_wrap=True, markup=False)
     known = load_sensor(sensor)
@@ -306,7 +306,7 @@ class _ViewProgress:
 
 def _save(sensor: "Sensor", path: Path) -> None:
     """Write a sensor file, and its folder."""
-    from manytouch.values.sensor_file import save_sensor
+    from manytouch.values.sensor_file.write import save_sensor
 
     path.parent.mkdir(parents=True, exist_ok=True)
     save_sensor(sensor, path)

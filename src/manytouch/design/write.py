@@ -24,7 +24,7 @@ from manytouch.design.parts.step import write_step
 from manytouch.design.plots import draw_accuracy, draw_tradeoff
 from manytouch.errors import MissingExtraError, OutputError
 from manytouch.sinks.files.atomic_output import output_errors
-from manytouch.values.sensor_file import save_sensor
+from manytouch.values.sensor_file.write import save_sensor
 
 PART_PACKAGES = ("manifold3d", "trimesh", "lxml", "networkx", "matplotlib")
 

@@ -29,7 +29,6 @@ from manytouch.values import Frame, Reading, Roi, Sensor
 from manytouch.values.arrays import plain
 from manytouch.values.display.text import count_of
 from manytouch.values.images.roi import require_roi
-from manytouch.values.sensor_file import load_sensor
 
 INPUT = "the path of a video or image, the number of a camera, or what manytouch.open_source returns"
 UNKNOWN_PRETENSION = (
@@ -201,7 +200,7 @@ def prepare(
     pitch_mm, hfov_deg, fps = plain(pitch_mm), plain(hfov_deg), plain(fps)
     if method is not None:
         pipeline_for(method, roi_px, parameters)  # reports a wrong name before anything is opened
-    given = load_sensor(sensor) if isinstance(sensor, str | Path) else sensor
+    given = sensor if sensor is None or isinstance(sensor, Sensor) else _loaded(sensor)
     if given is not None and (pitch_mm is not None or hfov_deg is not None):
         what = f"the sensor {given.name!r} already states pitch and camera"
         raise SensorError(f"{what}: give either a sensor file or --pitch-mm and --hfov-deg")
@@ -250,6 +249,12 @@ def prepare(
             parameters=parameters or {},
         ),
     )
+
+
+def _loaded(path: str | Path) -> Sensor:
+    from manytouch.values.sensor_file.read import load_sensor  # what checks files takes 80 ms to import
+
+    return load_sensor(path)
 
 
 def _with_assumptions(sensor: Sensor, source: Source, method: str) -> Sensor:

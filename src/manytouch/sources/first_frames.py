@@ -1,4 +1,7 @@
-"""The first frames of a source, without waiting for ever for a camera that gives none."""
+"""Frames that show what a source is: the first ones, or some of a whole recording.
+
+A camera that gives none is not waited for for ever.
+"""
 
 import threading
 import time
@@ -7,11 +10,13 @@ from itertools import islice
 from types import TracebackType
 
 from manytouch.errors import SourceError
-from manytouch.sources.source import Device
+from manytouch.sources.source import Device, Source
 from manytouch.values import Frame
 
 PATIENCE_S = 10.0  # with a camera that is silent or disconnected before a session has begun; a choice
 POLL_S = 0.2
+SPREAD_FRAMES = 16
+"""Number of frames that represent a whole recording."""
 
 
 def first_frames(frames: Iterator[Frame], count: int, device: Device | None) -> tuple[Frame, ...]:
@@ -35,6 +40,17 @@ def first_frames(frames: Iterator[Frame], count: int, device: Device | None) -> 
             "cable or its network, and start again"
         )
     return found
+
+
+def can_be_read_twice(source: Source) -> bool:
+    """Whether frames of the whole source can be read before it is processed."""
+    return not source.is_live and source.frame_count != 1
+
+
+def spread_frames(source: Source) -> list[Frame]:
+    """Up to `SPREAD_FRAMES` frames spread evenly over a recording."""
+    step = max(1, (source.frame_count or SPREAD_FRAMES) // SPREAD_FRAMES)
+    return list(islice(source, 0, step * SPREAD_FRAMES, step))
 
 
 class _Watch:

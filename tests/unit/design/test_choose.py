@@ -9,7 +9,7 @@ from manytouch.cli import main
 from manytouch.design.choose import design_sensor
 from manytouch.design.dimensions import MIN_MARKER_GAP_PX, MIN_RIM_MM, rim_mm
 from manytouch.design.requirements import CameraSpecification, DesignError, Printer, Requirements
-from manytouch.values.sensor_file import load_sensor
+from manytouch.values.sensor_file.read import load_sensor
 
 
 @pytest.fixture(scope="module")

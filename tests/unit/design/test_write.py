@@ -16,7 +16,7 @@ from manytouch.design.parts.casing import (
 )
 from manytouch.design.parts.meshing import make_mesh
 from manytouch.design.write import write_design
-from manytouch.values.sensor_file import load_sensor
+from manytouch.values.sensor_file.read import load_sensor
 
 STEP_FILES = {"parts/casing.step", "parts/clamp.step"}
 FEW_SCREWS = CasingChoices(screw_every_mm=80.0)

@@ -21,7 +21,7 @@ from manytouch.session import Playback
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sources import open_source
 from manytouch.sources.simulated import load_solved_scene
-from manytouch.values.sensor_file import save_sensor
+from manytouch.values.sensor_file.write import save_sensor
 from part_of_sheet import part_of_sheet
 from results import rows_of
 

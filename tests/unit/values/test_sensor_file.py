@@ -13,8 +13,9 @@ from manytouch.geometry.camera import project
 from manytouch.geometry.refraction import rest_px
 from manytouch.limits import MAX_MARKERS
 from manytouch.values import Sensor
-from manytouch.values.sensor_file import known_sensors, load_sensor, save_sensor
+from manytouch.values.sensor_file.read import known_sensors, load_sensor
 from manytouch.values.sensor_file.schema import MarkersSection
+from manytouch.values.sensor_file.write import save_sensor
 
 TEXT = """
 schema = 1

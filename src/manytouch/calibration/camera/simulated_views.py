@@ -23,9 +23,10 @@ from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.result_folder import ResultFolder
 from manytouch.values import Camera, Sensor
 from manytouch.values.arrays import Image, read_only
-from manytouch.values.sensor_file import load_sensor, save_sensor
+from manytouch.values.sensor_file.read import load_sensor
 from manytouch.values.sensor_file.sections import NonNegative, Positive, Section, all_mistakes
 from manytouch.values.sensor_file.toml_file import read_toml
+from manytouch.values.sensor_file.write import save_sensor
 
 CIRCLE_SHARE = 0.3
 """Radius of a printed circle over the distance of two."""

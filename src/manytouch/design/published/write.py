@@ -18,7 +18,7 @@ from manytouch.design.published.numbers import (
 )
 from manytouch.design.write import write_design
 from manytouch.errors import OutputError
-from manytouch.values.sensor_file import save_sensor
+from manytouch.values.sensor_file.write import save_sensor
 
 POINTS = 60
 LINES = (("#0072B2", "-"), ("#D55E00", "--"))

@@ -15,9 +15,10 @@ from manytouch.calibration.rest.local_bulge import PRESSED_PITCHES
 from manytouch.detection import Appearance, survey
 from manytouch.errors import LayoutError, SourceError
 from manytouch.session.diagnosis.camera import describe_frame_rate, describe_settings
-from manytouch.session.sensors.determine_sensor import START_FRAMES, can_be_read_twice, spread_frames
+from manytouch.session.sensors.determine_sensor import START_FRAMES
 from manytouch.session.sensors.source_checks import require_region
 from manytouch.sources import Source, open_source
+from manytouch.sources.first_frames import can_be_read_twice, spread_frames
 from manytouch.sources.source import close
 from manytouch.values import Detections, Frame, Roi
 from manytouch.values.arrays import Scalars

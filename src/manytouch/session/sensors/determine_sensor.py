@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice
 
 from manytouch.calibration import register_rest, rest_of_recording, sensor_from_rest
 from manytouch.calibration.outline.pad_outline import pad_of
@@ -13,13 +12,11 @@ from manytouch.errors import SourceError
 from manytouch.session.result_hashes import Pitch
 from manytouch.session.sensors.source_checks import require_fit, require_region, require_views
 from manytouch.sources import Source
-from manytouch.sources.first_frames import first_frames
+from manytouch.sources.first_frames import can_be_read_twice, first_frames, spread_frames
 from manytouch.values import Frame, Roi, Sensor
 
 START_FRAMES = 15
 """Number of first frames that show the sensor and its rest positions."""
-SPREAD_FRAMES = 16
-"""Number of frames that represent a whole recording."""
 STILL_TRIES = 8
 """How often `START_FRAMES` more are read from a live source whose markers moved in the ones before."""
 
@@ -95,17 +92,6 @@ def determine_sensor(
     if is_read_twice:
         found = _with_whole_recording(found, source, given, roi_px=roi_px, on_message=on_message)
     return StartedSource(sensor=found, first=first, frames=frames)
-
-
-def can_be_read_twice(source: Source) -> bool:
-    """Whether frames of the whole source can be read before it is processed."""
-    return not source.is_live and source.frame_count != 1
-
-
-def spread_frames(source: Source) -> list[Frame]:
-    """Up to `SPREAD_FRAMES` frames spread evenly over a recording."""
-    step = max(1, (source.frame_count or SPREAD_FRAMES) // SPREAD_FRAMES)
-    return list(islice(source, 0, step * SPREAD_FRAMES, step))
 
 
 def _find_while_still(

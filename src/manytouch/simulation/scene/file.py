@@ -24,7 +24,7 @@ from manytouch.simulation.scene.bodies import BodySection, Pair
 from manytouch.simulation.scene.motion import Body
 from manytouch.simulation.scene.pad import CONTACT_ELEMENT_MM, ELEMENT_MM, LAYERS
 from manytouch.values import Layout, Sensor, Sheet
-from manytouch.values.sensor_file import load_sensor
+from manytouch.values.sensor_file.read import load_sensor
 from manytouch.values.sensor_file.sections import Count, NonNegative, Number, Positive, Section, all_mistakes
 from manytouch.values.sensor_file.toml_file import read_toml
 

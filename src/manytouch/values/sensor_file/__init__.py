@@ -1,9 +1,5 @@
 """The sensor file (TOML): read with all its mistakes reported at once, and written.
 
-Nothing of the file format is used elsewhere, except that scene files share the checks in `sections`.
+Nothing of the file format is used elsewhere, except that scene files share the checks in `sections`. The
+modules that read and write import pydantic, which the others here do without.
 """
-
-from manytouch.values.sensor_file.read import known_sensors, load_sensor
-from manytouch.values.sensor_file.write import save_sensor
-
-__all__ = ["known_sensors", "load_sensor", "save_sensor"]

@@ -18,7 +18,7 @@ from manytouch.cli import main
 from manytouch.errors import ManytouchError
 from manytouch.geometry.camera import camera_matrix
 from manytouch.values import Frame
-from manytouch.values.sensor_file import load_sensor
+from manytouch.values.sensor_file.read import load_sensor
 
 DATA = Path(__file__).parents[5] / "shared" / "data" / "opencv_calib"
 

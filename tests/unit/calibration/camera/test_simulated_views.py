@@ -23,7 +23,8 @@ from manytouch.errors import ManytouchError
 from manytouch.geometry.camera import project
 from manytouch.simulation.render.discs import Look
 from manytouch.values import Frame, Sensor
-from manytouch.values.sensor_file import load_sensor, save_sensor
+from manytouch.values.sensor_file.read import load_sensor
+from manytouch.values.sensor_file.write import save_sensor
 
 FILE = """schema = 1
 sensor = "sensor.toml"

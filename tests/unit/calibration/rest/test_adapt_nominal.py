@@ -15,7 +15,7 @@ from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.rest.rest_calibration import RestCalibration, with_provenance
 from manytouch.errors import LayoutError
 from manytouch.values import Frame, Sensor
-from manytouch.values.sensor_file import known_sensors, load_sensor
+from manytouch.values.sensor_file.read import known_sensors, load_sensor
 from straight import straight_camera
 
 PITCH_MM = (1.6, 1.7)

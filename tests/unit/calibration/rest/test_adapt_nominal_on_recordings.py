@@ -9,7 +9,7 @@ import pytest
 import manytouch
 from manytouch.calibration.rest.adapt_nominal import register_nominal
 from manytouch.errors import LayoutError
-from manytouch.values.sensor_file import load_sensor
+from manytouch.values.sensor_file.read import load_sensor
 
 SHARED = Path(__file__).resolve().parents[5] / "shared" / "data"
 

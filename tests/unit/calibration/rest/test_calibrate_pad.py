@@ -19,7 +19,8 @@ from manytouch.simulation.scene.deformation import flat
 from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.simulator import Simulator
 from manytouch.values import Frame, Sensor
-from manytouch.values.sensor_file import load_sensor, save_sensor
+from manytouch.values.sensor_file.read import load_sensor
+from manytouch.values.sensor_file.write import save_sensor
 
 TILT = np.array([0.03, -0.02, 0.01])
 SHIFT_MM = np.array([0.3, -0.2, 26.0])

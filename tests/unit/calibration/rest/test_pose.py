@@ -21,7 +21,8 @@ from manytouch.simulation.scene.deformation import flat
 from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.simulator import Simulator
 from manytouch.values import Sheet
-from manytouch.values.sensor_file import load_sensor, save_sensor
+from manytouch.values.sensor_file.read import load_sensor
+from manytouch.values.sensor_file.write import save_sensor
 
 TURN = np.array([0.05, -0.03, 0.02])
 SHIFT = np.array([2.0, -1.5, 121.0])

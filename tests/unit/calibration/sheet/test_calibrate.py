@@ -23,7 +23,8 @@ from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sources import open_source
-from manytouch.values.sensor_file import load_sensor, save_sensor
+from manytouch.values.sensor_file.read import load_sensor
+from manytouch.values.sensor_file.write import save_sensor
 from part_of_sheet import part_of_sheet
 
 YOUNG_MPA, THICKNESS_MM, PRETENSION_N_PER_MM = 2.4, 3.3, 0.15

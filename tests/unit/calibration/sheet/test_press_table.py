@@ -10,7 +10,7 @@ from manytouch.calibration.sheet.press_table import measure_presses, read_press_
 from manytouch.calibration.sheet.typed_presses import read_typed_presses
 from manytouch.errors import ManytouchError, SensorError
 from manytouch.simulation.demo_sensor import demo_sensor
-from manytouch.values.sensor_file import load_sensor
+from manytouch.values.sensor_file.read import load_sensor
 
 HEAD = "input,x_mm,y_mm,normal_force_N\n"
 

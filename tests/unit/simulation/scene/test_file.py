@@ -18,7 +18,7 @@ from manytouch.simulation.fem.contact.indenters import (
 from manytouch.simulation.scene.bodies import mesh_corners
 from manytouch.simulation.scene.file import BUILT_IN, built_in_scenes, load_scene, scene_path
 from manytouch.simulation.solve_scene import simulator, solid_problem, solve_scene, state_count
-from manytouch.values.sensor_file import save_sensor
+from manytouch.values.sensor_file.write import save_sensor
 
 TETRAHEDRON = "v 0 0 0\nv 9 0 0\nv 0 9 0\nv 3 3 6\nf 1 2 3\n"
 EVERYTHING = """

@@ -16,7 +16,7 @@ from manytouch.sinks.exports import lerobot_schema as schema
 from manytouch.sinks.exports.parquet import description
 from manytouch.sinks.exports.registry import export
 from manytouch.sinks.recorder import Recorder
-from manytouch.values.sensor_file import load_sensor
+from manytouch.values.sensor_file.read import load_sensor
 
 FRAMES = 5
 

@@ -14,7 +14,7 @@ from manytouch.sinks.files.simulated.true_press_table import TruePressTable
 from manytouch.sinks.files.tables import ContactTable, MarkerTable
 from manytouch.values import Detections, Frame, Reading, Sensor, Truth
 from manytouch.values.arrays import read_only
-from manytouch.values.sensor_file import save_sensor
+from manytouch.values.sensor_file.write import save_sensor
 
 FAST_PNG = 1
 
