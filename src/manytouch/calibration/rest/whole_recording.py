@@ -142,10 +142,11 @@ class _Comparison:
             first_px: (m, 2) the first positions.
             place_px: (m, 2) positions in frames of the whole recording.
         """
-        farthest = max(self.group_motion(rest_px, each) for each in place_px)
-        away = self.group_motion(rest_px, first_px)
-        is_crept = self._motion.floor_pitch < away <= self._motion.creep_share * farthest
-        return is_crept and self.area_skewness(rest_px, first_px) < _CLEAR_SKEWNESS
+        away, share = self.group_motion(rest_px, first_px), self._motion.creep_share
+        if away <= self._motion.floor_pitch or self.area_skewness(rest_px, first_px) >= _CLEAR_SKEWNESS:
+            return False
+        # only positions up to the first one that is far enough are compared
+        return any(away <= share * self.group_motion(rest_px, each) for each in place_px)
 
 
 def rest_of_recording(
