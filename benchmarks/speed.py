@@ -210,12 +210,16 @@ def square_video(path: Path) -> Path:
 
 
 def process(video: Path, out: Path, surroundings: dict[str, str]) -> dict[str, float]:
-    """What `manytouch process` takes; memory of the process itself, time of those that it starts too."""
+    """What `manytouch process` takes; memory of the process itself, time of those that it starts too.
+
+    Modules of Python are compiled once, as they are where the package is installed.
+    """
+    inherited = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     command = [sys.executable, "-m", "manytouch", "process", str(video), "--pitch-mm", "4", "--method"]
     before, begun_s, found_s = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic(), np.nan
     running = subprocess.Popen(
         [*command, "mechanics", "--out", str(out)],
-        env=os.environ | surroundings,
+        env=inherited | surroundings,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
