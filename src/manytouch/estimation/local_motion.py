@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from manytouch.estimation.kernels import lengths_without_view
 from manytouch.geometry.neighbours import nearest_neighbours
-from manytouch.values.arrays import Mask, Points2, Scalars, read_only
+from manytouch.values.arrays import Mask, Points2, Scalars, read_only, read_only_view
 
 _AROUND = 5  # neighbours of a marker in its group
 _FEWEST = 12  # markers for a motion of the view with eight parameters; fewer only shift
@@ -121,7 +121,8 @@ class LocalMotion:
             std_mm: (m,) standard deviations of the displacements along an axis; None: not known.
         """
         moved = np.where(is_seen[:, None], displacement_mm, 0.0) / groups.pitch_mm
-        size = lengths_without_view(groups.view, moved, is_seen, self.refinements, self.reach)
+        only_read = read_only_view(is_seen)
+        size = lengths_without_view(groups.view, moved, only_read, self.refinements, self.reach)
         if std_mm is not None:
             beyond = std_mm - np.median(std_mm[is_seen])
             size = np.maximum(size - self.noise_stds * np.maximum(beyond, 0.0) / groups.pitch_mm, 0.0)

@@ -1,9 +1,13 @@
 """How far neighbouring markers have moved together, and what a soft sheet keeps of a press."""
 
+from unittest import mock
+
 import numpy as np
 import pytest
+from numba import typeof
 
 from flat_sensor import rectangle_px
+from manytouch.estimation.kernels import lengths_without_view
 from manytouch.estimation.local_motion import LocalMotion, TouchMemory, marker_groups
 
 PITCH_PX = 44.0
@@ -38,3 +42,20 @@ def test_a_touch_lasts_above_what_untouched_sheets_show_and_what_is_left_of_a_pr
     memory = TouchMemory(strongest=0.3, lowest=0.01)
     assert motion.limits(memory, 0.0, was_touched=True) == (motion.rest_pitch, pytest.approx(0.02))
     assert motion.limits(memory, 0.01, was_touched=True)[0] == pytest.approx(0.03)
+
+
+def test_the_same_function_is_compiled_for_a_mask_that_is_read_only_and_for_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    called = mock.Mock(side_effect=lengths_without_view)
+    monkeypatch.setattr("manytouch.estimation.local_motion.lengths_without_view", called)
+    place = rectangle_px(5, 6)
+    groups = marker_groups(place, 1.0)
+    seen, fixed = np.ones(len(place), dtype=np.bool_), np.ones(len(place), dtype=np.bool_)
+    fixed.flags.writeable = False
+    moved = np.random.default_rng(1).normal(size=place.shape)
+    for mask in (seen, fixed):
+        LocalMotion(refinements=4)(groups, moved, mask)
+    of_variable, of_fixed = [[typeof(value) for value in call.args] for call in called.call_args_list]
+    assert of_variable == of_fixed
+    assert seen.flags.writeable
