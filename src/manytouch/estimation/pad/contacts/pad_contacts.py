@@ -55,6 +55,8 @@ class PadContacts:
             that sticks is larger near its rim than that of one that slides, so that the face is estimated too
             wide and not deep enough. Chosen for two presses with shears of .38 and .40 of the normal force;
             the depth of two that turned was off by half as much.
+        force_share: standard deviation of the normal force that the model does not explain, over the normal
+            force.
         stiffening: by how much the normal force of an object that slides exceeds that of the linear pad, over
             the latter, where the depth is one thickness; proportional to the depth. Chosen for the least mean
             error over 3-D solutions with depths of up to .4 thicknesses and Poisson's ratios of .47 to .49,
