@@ -23,6 +23,7 @@ def displace_face(
     weight: np.ndarray,
     thickness_mm: float,
     poisson: float,
+    pretension_mm: float,
     out: np.ndarray,
 ) -> None:
     """Displacement (k, 3) of k points of the camera-side face.
@@ -33,6 +34,7 @@ def displace_face(
         weight: (k, 6, 16) of these: value, d/dx and d/dy of the displacements along x and y; deflection, and
             slopes along x and y of the surface that fibres are normal to.
         thickness_mm, poisson: of the sheet.
+        pretension_mm: membrane force per length at rest over Young's modulus.
         out: (k, 3) the result, in the sheet frame.
     """
     field = np.empty((3, 3))
@@ -54,7 +56,10 @@ def displace_face(
         normal_y = field[1, 2] * field[2, 0] - field[1, 0] * field[2, 2]
         normal_z = field[1, 0] * field[2, 1] - field[1, 1] * field[2, 0]
         length = math.sqrt(normal_x**2 + normal_y**2 + normal_z**2)
-        lever = 0.5 * thickness_mm * ratio / length
-        out[k, 0] = field[0, 0] - lever * normal_x
-        out[k, 1] = field[0, 1] - lever * normal_y
-        out[k, 2] = field[0, 2] - lever * normal_z + 0.5 * thickness_mm
+        half_mm = 0.5 * thickness_mm
+        # that of the middle surface by the pressure on the other face: see `mechanics.markers.kernels.levers`
+        squeezed_mm = 0.5 * (1.0 + poisson) * (half_mm * (1.0 - ratio) + poisson * pretension_mm)
+        in_plane = (half_mm * ratio + squeezed_mm) / length
+        out[k, 0] = field[0, 0] - in_plane * normal_x
+        out[k, 1] = field[0, 1] - in_plane * normal_y
+        out[k, 2] = field[0, 2] - half_mm * ratio / length * normal_z + half_mm

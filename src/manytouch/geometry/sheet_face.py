@@ -32,7 +32,17 @@ class SheetFace:
 
         found_mm = np.empty((len(self.node), 3))
         coefficient_mm = np.ascontiguousarray(spline.coefficient_mm)
-        displace_face(coefficient_mm, self.node, self.weight, spline.thickness_mm, spline.poisson, found_mm)
+        known_mm = spline.pretension_over_E_mm
+        pretension_mm = known_mm if np.isfinite(known_mm) else 0.0
+        displace_face(
+            coefficient_mm,
+            self.node,
+            self.weight,
+            spline.thickness_mm,
+            spline.poisson,
+            pretension_mm,
+            found_mm,
+        )
         return found_mm
 
     def pressure_MPa(self, spline: SheetSpline) -> Scalars:

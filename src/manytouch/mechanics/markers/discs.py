@@ -16,11 +16,10 @@ from jaxtyping import Float64, Int64
 from manytouch.compilation import kernel, no_type_check
 from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.kernels import (
-    MAX_THICKNESS_RATIO,
-    MIN_THICKNESS_RATIO,
     Layer,
     Places,
     SplineField,
+    levers,
     tilt_at,
 )
 from manytouch.mechanics.markers.projection import CameraModel, pixels
@@ -220,18 +219,18 @@ def move(
 ) -> None:
     """Places of the points of an outline in the sheet frame (mm), into `place`."""
     x, y = (_SU, _FU) if is_x_slow else (_FU, _SU)
-    half, height, top = 0.5 * layer.thickness, layer.height, 0.5 * layer.thickness + layer.height
-    thinning, tilt_x, tilt_y = layer.poisson / (1.0 - layer.poisson), tilt[0], tilt[1]
+    top, tilt_x, tilt_y = 0.5 * layer.thickness + layer.height, tilt[0], tilt[1]
     for n in range(points):
         x0, x1, x2 = 1.0 + fields[x + n], fields[x + POINTS + n], fields[x + 2 * POINTS + n] + tilt_x
         y0, y1, y2 = fields[y + n], 1.0 + fields[y + POINTS + n], fields[y + 2 * POINTS + n] + tilt_y
         trace = 0.5 * (x0 * x0 + x1 * x1 + x2 * x2 + y0 * y0 + y1 * y1 + y2 * y2) - 1.0
-        ratio = min(max(1.0 - thinning * trace, MIN_THICKNESS_RATIO), MAX_THICKNESS_RATIO)
+        lever = levers(trace, layer)
         n0, n1, n2 = x1 * y2 - x2 * y1, x2 * y0 - x0 * y2, x0 * y1 - x1 * y0
-        lever = (half * ratio + height) / math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
-        place[n] = rest_mm[n] + fields[_U + n] - lever * n0
-        place[POINTS + n] = rest_mm[POINTS + n] + fields[_V + n] - lever * n1
-        place[2 * POINTS + n] = rest_mm[2 * POINTS + n] + fields[_W + n] - lever * n2 + top
+        length = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+        in_plane, across = lever.in_plane / length, lever.across / length
+        place[n] = rest_mm[n] + fields[_U + n] - in_plane * n0
+        place[POINTS + n] = rest_mm[POINTS + n] + fields[_V + n] - in_plane * n1
+        place[2 * POINTS + n] = rest_mm[2 * POINTS + n] + fields[_W + n] - across * n2 + top
 
 
 @kernel(fastmath=True)

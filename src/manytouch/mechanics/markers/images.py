@@ -178,6 +178,7 @@ def _layer(shell: Shell, height_mm: float) -> marker_kernels.Layer:
     return marker_kernels.Layer(
         float(shell.thickness_mm),
         float(shell.poisson),
+        float(shell.pretension_over_E_mm),
         float(height_mm),
         float(shell.shear_mm2),
         float(shell.tilt_mm2),

@@ -56,6 +56,7 @@ class Layer(NamedTuple):
     Attributes:
         thickness: of the sheet, mm.
         poisson: Poisson's ratio.
+        pretension: membrane force per length at rest over Young's modulus, mm.
         height: distance of the points from the camera-side face, towards the camera, mm.
         shear: `Shell.shear_mm2`, a in the deflection w = b - a lap b.
         tilt: fibres are normal to b - tilt lap b, mm^2.
@@ -63,9 +64,27 @@ class Layer(NamedTuple):
 
     thickness: float
     poisson: float
+    pretension: float
     height: float
     shear: float
     tilt: float
+
+
+class Levers(NamedTuple):
+    """Distances of a layer from the middle surface along the fibres, and their derivatives.
+
+    Attributes:
+        across: that its distance across the sheet is made of, mm.
+        in_plane: that its displacement in the plane is made of, with that of the middle surface by the
+            pressure on the other face, mm.
+        across_thinning, in_plane_thinning: their derivatives by the trace of the strain, with the opposite
+            sign; 0 where the thickness has reached a bound.
+    """
+
+    across: float
+    in_plane: float
+    across_thinning: float
+    in_plane_thinning: float
 
 
 class Frames(NamedTuple):
@@ -150,15 +169,28 @@ def tilt_at(
 
 @kernel(fastmath=True)
 @no_type_check
-def _lever(frame: Matrix3, layer: Layer) -> tuple[float, bool]:
-    """Distance of the layer from the middle surface, and whether it varies with the shape."""
+def strain_trace(frame: Matrix3) -> float:
+    """Trace of the strain with a1 and a2 in these rows."""
     trace = -1.0
     for j in range(3):
         trace += 0.5 * (frame[1, j] ** 2 + frame[2, j] ** 2)
-    ratio = 1.0 - layer.poisson / (1.0 - layer.poisson) * trace
-    varies = MIN_THICKNESS_RATIO < ratio < MAX_THICKNESS_RATIO
+    return trace
+
+
+@kernel(fastmath=True)
+@no_type_check
+def levers(trace: float, layer: Layer) -> Levers:
+    """Levers of a layer where the strain of the middle surface has this trace."""
+    nu, half = layer.poisson, 0.5 * layer.thickness
+    thinning = nu / (1.0 - nu)
+    ratio = 1.0 - thinning * trace
     bounded = min(max(ratio, MIN_THICKNESS_RATIO), MAX_THICKNESS_RATIO)
-    return 0.5 * layer.thickness * bounded + layer.height, varies
+    by_trace = half * thinning if ratio == bounded else 0.0
+    # membrane forces on a curved sheet need a pressure, by which the middle surface moves in its plane
+    share = 0.5 * (1.0 + nu)
+    squeezed = share * (half * (1.0 - bounded) + nu * layer.pretension)
+    across = half * bounded + layer.height
+    return Levers(across, across + squeezed, by_trace, (1.0 - share) * by_trace)
 
 
 @kernel(fastmath=True)
@@ -191,11 +223,11 @@ def _displace(
     surface_frame(spline, first, plane, bending, layer.shear, frame)
     frame[1, 2] += tilt[0]
     frame[2, 2] += tilt[1]
-    lever, _ = _lever(frame, layer)
+    lever = levers(strain_trace(frame), layer)
     _normal(frame, normal)
-    for j in range(3):
-        out[j] = frame[0, j] - lever * normal[j]
-    out[2] += 0.5 * layer.thickness + layer.height
+    out[0] = frame[0, 0] - lever.in_plane * normal[0]
+    out[1] = frame[0, 1] - lever.in_plane * normal[1]
+    out[2] = frame[0, 2] - lever.across * normal[2] + 0.5 * layer.thickness + layer.height
 
 
 @kernel(fastmath=True)
@@ -215,8 +247,8 @@ def face_displacement(
 @no_type_check
 def _point_derivative(
     frames: Frames,
-    share: float,
-    thinning: float,
+    lever: Levers,
+    shares: Vector3,
     slopes: tuple[float, float, float, float],
     values: tuple[float, float],
     out: Matrix3,
@@ -225,8 +257,8 @@ def _point_derivative(
 
     Args:
         frames: at the place.
-        share: lever over |a1 x a2|.
-        thinning: derivative of the lever by the trace of the strain, with the opposite sign.
+        lever: of the layer at the place.
+        shares: its levers for displacements along x, y and z, over |a1 x a2|.
         slopes: along x and y of the node's function of the displacements in the plane, and of that of the
             surface that fibres are normal to.
         values: of the node's function of the displacements in the plane, and of the deflection.
@@ -239,13 +271,14 @@ def _point_derivative(
         dx, dy = (slopes[2], slopes[3]) if j == 2 else (slopes[0], slopes[1])
         d_k = -dx * frame[2, m] + dy * frame[1, m]
         d_m = dx * frame[2, k] - dy * frame[1, k]
-        along = share * (normal[k] * d_k + normal[m] * d_m)
-        along += thinning * (dx * frame[1, j] + dy * frame[2, j])
-        for i in range(3):
-            out[i, j] = along * normal[i]
+        along = normal[k] * d_k + normal[m] * d_m
+        strain = dx * frame[1, j] + dy * frame[2, j]
+        in_plane = shares[0] * along + lever.in_plane_thinning * strain
+        out[0, j], out[1, j] = in_plane * normal[0], in_plane * normal[1]
+        out[2, j] = (shares[2] * along + lever.across_thinning * strain) * normal[2]
         out[j, j] += values[1] if j == 2 else values[0]
-        out[k, j] -= share * d_k
-        out[m, j] -= share * d_m
+        out[k, j] -= shares[k] * d_k
+        out[m, j] -= shares[m] * d_m
 
 
 @kernel(fastmath=True)
@@ -255,7 +288,7 @@ def face_derivatives(
 ) -> None:
     """Derivative of `face_displacement` by the coefficients of the 4 x 4 nodes of each place, into `out`."""
     frames, block = Frames(np.empty((3, 3)), np.empty(3)), np.empty((3, 3))
-    frame, shear, nu = frames.frame, layer.shear, layer.poisson
+    frame, shear, shares = frames.frame, layer.shear, np.empty(3)
     for k in range(len(out)):
         slow, fast = places.plane[k, 0], places.plane[k, 1]
         bend_slow, bend_fast = places.bending[k, 0], places.bending[k, 1]
@@ -263,9 +296,10 @@ def face_derivatives(
         tilt_x, tilt_y = tilt_at(spline, places.first[k], places.bending[k], layer.tilt)
         frame[1, 2] += tilt_x
         frame[2, 2] += tilt_y
-        lever, varies = _lever(frame, layer)
-        thinning = 0.5 * layer.thickness * nu / (1.0 - nu) if varies else 0.0
-        share = lever / _normal(frame, frames.normal)
+        lever = levers(strain_trace(frame), layer)
+        length = _normal(frame, frames.normal)
+        shares[0] = shares[1] = lever.in_plane / length
+        shares[2] = lever.across / length
         for a in range(4):
             b0, b1, b2, b3 = bend_slow[0, a], bend_slow[1, a], bend_slow[2, a], bend_slow[3, a]
             for b in range(4):
@@ -275,7 +309,7 @@ def face_derivatives(
                 ts = b1 * c0 - layer.tilt * (b3 * c0 + b1 * c2)
                 tf = b0 * c1 - layer.tilt * (b2 * c1 + b0 * c3)
                 slopes = (ds, df, ts, tf) if spline.is_x_slow else (df, ds, tf, ts)
-                _point_derivative(frames, share, thinning, slopes, values, block)
+                _point_derivative(frames, lever, shares, slopes, values, block)
                 for i in range(3):
                     for j in range(3):
                         out[k, i, 4 * a + b, j] = block[i, j]

@@ -17,7 +17,7 @@ from jaxtyping import Float64
 
 from manytouch.compilation import kernel, no_type_check
 from manytouch.geometry.spline.patch import Nodal
-from manytouch.mechanics.shell.kernels import Elements, Stiffness, squared_cosine
+from manytouch.mechanics.shell.kernels import Elements, Stiffness, squared_cosine, stretch_by_curvature
 from manytouch.mechanics.shell.material import stress
 from manytouch.values.arrays import read_only_view
 
@@ -272,7 +272,7 @@ def add_moments(lanes: int, resultant: Flat, functions: Flat, field: Flat) -> No
 @no_type_check
 def stresses_of_group(lanes: int, strain: Flat, weight: float, stiffness: Stiffness, resultant: Flat) -> None:
     """Stresses of GROUP points of one weight from their strains, rows one after the other."""
-    t, mu, bulk, tension, lever, shear, shear_stiffness = stiffness
+    t, mu, bulk, tension, lever, stretch, shear, shear_stiffness = stiffness
     for n in range(lanes):
         a10, a11 = 1.0 + strain[A10 * GROUP + n], strain[A11 * GROUP + n]
         a20, a21 = strain[A20 * GROUP + n], 1.0 + strain[A21 * GROUP + n]
@@ -284,19 +284,24 @@ def stresses_of_group(lanes: int, strain: Flat, weight: float, stiffness: Stiffn
         e2 = 0.5 * (a20 * a20 + a21 * a21 + a22 * a22 - 1.0)
         e3 = a10 * a20 + a11 * a21 + a12 * a22
         c, g = squared_cosine(b1, b2), squared_cosine(a12, a22)
-        z, half = lever * c, 0.5 * t * weight
+        z, half, bent = lever * c, 0.5 * t * weight, stretch * c
+        h1, h2, h3 = stretch_by_curvature(c * k1, c * k2, c * k3, stretch)
+        e1, e2, e3 = e1 + h1, e2 + h2, e3 + h3
         p1, p2, p3 = stress(e1 + z * k1, e2 + z * k2, e3 + z * k3, mu, bulk)
-        q1, q2, q3 = stress(e1 - z * k1, e2 - z * k2, e3 - z * k3, mu, bulk)
+        r1, r2, r3 = stress(e1 - z * k1, e2 - z * k2, e3 - z * k3, mu, bulk)
         pull = weight * tension
-        s1, s2, s3 = half * (p1 + q1) + pull, half * (p2 + q2) + pull, half * (p3 + q3)
-        m1, m2, m3 = half * lever * (p1 - q1), half * lever * (p2 - q2), half * lever * (p3 - q3)
-        h1, h2 = weight * shear_stiffness * g * l1, weight * shear_stiffness * g * l2
-        turn, shift = -2.0 * c * c * (m1 * k1 + m2 * k2 + m3 * k3), -g * (h1 * l1 + h2 * l2)
+        s1, s2, s3 = half * (p1 + r1) + pull, half * (p2 + r2) + pull, half * (p3 + r3)
+        m1, m2, m3 = half * lever * (p1 - r1), half * lever * (p2 - r2), half * lever * (p3 - r3)
+        m1 += bent * (s1 * k1 + 0.5 * s3 * k3)
+        m2 += bent * (s2 * k2 + 0.5 * s3 * k3)
+        m3 += bent * (0.25 * (s1 + s2) * k3 + 0.5 * s3 * (k1 + k2))
+        q1, q2 = weight * shear_stiffness * g * l1, weight * shear_stiffness * g * l2
+        turn, shift = -2.0 * c * c * (m1 * k1 + m2 * k2 + m3 * k3), -g * (q1 * l1 + q2 * l2)
         rx, ry = s1 * a12 + s3 * a22 + shift * a12, s3 * a12 + s2 * a22 + shift * a22
         resultant[PX * GROUP + n], resultant[QX * GROUP + n] = s1 * a10 + s3 * a20, s1 * a11 + s3 * a21
         resultant[PY * GROUP + n], resultant[QY * GROUP + n] = s3 * a10 + s2 * a20, s3 * a11 + s2 * a21
         resultant[RX * GROUP + n], resultant[RY * GROUP + n] = rx + turn * b1, ry + turn * b2
         resultant[M1 * GROUP + n], resultant[M2 * GROUP + n] = c * m1, c * m2
         resultant[M3 * GROUP + n] = 2.0 * c * m3
-        resultant[LX * GROUP + n] = h1 - shear * rx
-        resultant[LY * GROUP + n] = h2 - shear * ry
+        resultant[LX * GROUP + n] = q1 - shear * rx
+        resultant[LY * GROUP + n] = q2 - shear * ry

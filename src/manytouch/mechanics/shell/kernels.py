@@ -52,6 +52,7 @@ class Stiffness(NamedTuple):
         tension: membrane force at rest over E, mm.
         lever: distance from the middle surface of the two points across the thickness at which the energy is
             evaluated, mm; t / sqrt(12) for a homogeneous sheet.
+        stretch: Q, curvatures k of the strain stretch the sheet by Q k^2 / 2, mm^2.
         shear: a in the deflection w = b - a lap b, mm^2.
         shear_stiffness: of grad lap b over E, mm^5.
     """
@@ -61,6 +62,7 @@ class Stiffness(NamedTuple):
     bulk: float
     tension: float
     lever: float
+    stretch: float
     shear: float
     shear_stiffness: float
 
@@ -189,11 +191,20 @@ def squared_cosine(slope_x: float, slope_y: float) -> float:
     return 1.0 / (1.0 + slope_x * slope_x + slope_y * slope_y)
 
 
+@kernel(fastmath=True, inline="always")
+@no_type_check
+def stretch_by_curvature(k1: float, k2: float, k3: float, stretch: float) -> tuple[float, float, float]:
+    """Q k^2 / 2 as strains E11, E22 and 2 E12, of curvatures 11, 22 and twice 12 of the strain."""
+    twist = 0.25 * k3 * k3
+    half = 0.5 * stretch
+    return half * (k1 * k1 + twist), half * (k2 * k2 + twist), half * k3 * (k1 + k2)
+
+
 @kernel(fastmath=True)
 @no_type_check
 def energy(coefficient: Coefficients, elements: Elements, stiffness: Stiffness) -> float:
     """Energy over E, mm^3."""
-    t, mu, bulk, tension, lever, shear, shear_stiffness = stiffness
+    t, mu, bulk, tension, lever, stretch, shear, shear_stiffness = stiffness
     weight, tables, local = elements.weight, new_tables(), np.empty((3, LOCAL))
     total = 0.0
     for es in range(elements.slow.shape[0]):
@@ -205,7 +216,9 @@ def energy(coefficient: Coefficients, elements: Elements, stiffness: Stiffness) 
                 e1 = 0.5 * (a10 * a10 + a11 * a11 + a12 * a12 - 1.0)
                 e2 = 0.5 * (a20 * a20 + a21 * a21 + a22 * a22 - 1.0)
                 e3 = a10 * a20 + a11 * a21 + a12 * a22
-                z = lever * squared_cosine(a12 + shear * l1, a22 + shear * l2)
+                c = squared_cosine(a12 + shear * l1, a22 + shear * l2)
+                h1, h2, h3 = stretch_by_curvature(c * k1, c * k2, c * k3, stretch)
+                e1, e2, e3, z = e1 + h1, e2 + h2, e3 + h3, lever * c
                 both = energy_density(e1 + z * k1, e2 + z * k2, e3 + z * k3, mu, bulk)
                 both += energy_density(e1 - z * k1, e2 - z * k2, e3 - z * k3, mu, bulk)
                 sheared = 0.5 * shear_stiffness * squared_cosine(a12, a22) * (l1 * l1 + l2 * l2)

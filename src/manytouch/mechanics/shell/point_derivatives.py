@@ -11,7 +11,14 @@ import numpy as np
 from jaxtyping import Float, Float64
 
 from manytouch.compilation import inlined_kernel, kernel, no_type_check
-from manytouch.mechanics.shell.kernels import LOCAL, Stiffness, Tables, squared_cosine, strain
+from manytouch.mechanics.shell.kernels import (
+    LOCAL,
+    Stiffness,
+    Tables,
+    squared_cosine,
+    strain,
+    stretch_by_curvature,
+)
 from manytouch.mechanics.shell.material import stress_and_tangent
 
 
@@ -193,7 +200,7 @@ def _set_slope_derivatives(
     for k in range(3):
         for m in range(3):
             force_by_slope[k] += state.membrane[k, m] * strain_by_slope[m]
-            moment_by_slope[k] += state.mixed[k, m] * strain_by_slope[m]
+            moment_by_slope[k] += state.mixed[m, k] * strain_by_slope[m]
         bent += moment_by_slope[k] * curvature[k]
         double = 2.0 if k == 2 else 1.0
         deflection[at, side, 2 + k] = double * (c * moment_by_slope[k] + c_by_slope * state.bending_moment[k])
@@ -274,7 +281,7 @@ def evaluate(
 ) -> SlopeCosines:
     """Set the state at Gauss point `at` of an element, whose coefficients and tables are given."""
     local, tables = element
-    t, mu, bulk, tension, lever, shear, shear_stiffness = stiffness
+    t, mu, bulk, tension, lever, stretch, shear, shear_stiffness = stiffness
     a1, a2, curvature, gradient, b_slope, force, bending_moment, shear_force, membrane, mixed, bending, _ = (
         state
     )
@@ -285,6 +292,8 @@ def evaluate(
     b_slope[0], b_slope[1] = a1[2] + shear * l1, a2[2] + shear * l2
     c, g = squared_cosine(b_slope[0], b_slope[1]), squared_cosine(a1[2], a2[2])
     z, half = lever * c, 0.5 * t * weight
+    h1, h2, h3 = stretch_by_curvature(c * k1, c * k2, c * k3, stretch)
+    e1, e2, e3 = e1 + h1, e2 + h2, e3 + h3
     p = stress_and_tangent(e1 + z * k1, e2 + z * k2, e3 + z * k3, mu, bulk)
     q = stress_and_tangent(e1 - z * k1, e2 - z * k2, e3 - z * k3, mu, bulk)
     arm, sheared = half * lever, weight * shear_stiffness
@@ -296,7 +305,47 @@ def evaluate(
     _set_moduli(membrane, half, 1.0, p[3:], q[3:])
     _set_moduli(mixed, arm, -1.0, p[3:], q[3:])
     _set_moduli(bending, arm * lever, 1.0, p[3:], q[3:])
+    _add_stretch(state, stretch, c)
     return SlopeCosines(c, g, shear)
+
+
+@inlined_kernel(fastmath=True)
+@no_type_check
+def _add_stretch(state: PointState, stretch: float, fibre_cos2: float) -> None:
+    """Add what is due to the strain by the squared curvature, `kernels.stretch_by_curvature`.
+
+    Args:
+        state: with `bending_moment`, `mixed` and `bending` without it.
+        stretch: Q.
+        fibre_cos2: as in `SlopeCosines`.
+    """
+    force, by_curvature = state.membrane_force, state.work
+    membrane, mixed, bending = state.membrane, state.mixed, state.bending
+    bent = stretch * fibre_cos2
+    k1, k2, k3 = bent * state.curvature[0], bent * state.curvature[1], bent * state.curvature[2]
+    # of the strains (rows) by the curvatures of the strain
+    by_curvature[0, 0], by_curvature[0, 1], by_curvature[0, 2] = k1, 0.0, 0.25 * k3
+    by_curvature[1, 0], by_curvature[1, 1], by_curvature[1, 2] = 0.0, k2, 0.25 * k3
+    by_curvature[2, 0], by_curvature[2, 1], by_curvature[2, 2] = 0.5 * k3, 0.5 * k3, 0.5 * (k1 + k2)
+    for m in range(3):
+        for n in range(3):
+            # `mixed` still lacks what is added to it below
+            for i in range(3):
+                change = mixed[i, m] * by_curvature[i, n] + mixed[i, n] * by_curvature[i, m]
+                for j in range(3):
+                    change += by_curvature[i, m] * membrane[i, j] * by_curvature[j, n]
+                bending[m, n] += change
+    for m in range(3):
+        for j in range(3):
+            state.bending_moment[m] += force[j] * by_curvature[j, m]
+            for i in range(3):
+                mixed[i, m] += membrane[i, j] * by_curvature[j, m]
+    bending[0, 0] += stretch * force[0]
+    bending[1, 1] += stretch * force[1]
+    bending[2, 2] += 0.25 * stretch * (force[0] + force[1])
+    for m in range(2):
+        bending[m, 2] += 0.5 * stretch * force[2]
+        bending[2, m] += 0.5 * stretch * force[2]
 
 
 @inlined_kernel(fastmath=True)

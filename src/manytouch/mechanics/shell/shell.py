@@ -12,6 +12,7 @@ from manytouch.mechanics.shell import kernels as shell_kernels
 from manytouch.mechanics.shell import tangent_assembly, tangent_kernels
 from manytouch.mechanics.shell.clamped_end import clamped_end, end_stiffness
 from manytouch.mechanics.shell.force_products import ForceProducts
+from manytouch.mechanics.shell.stretched import StretchedModuli, stretched_moduli
 from manytouch.values.arrays import read_only, read_only_view
 
 SUPPORT_PER_MM = 1e-3
@@ -81,30 +82,27 @@ class Shell:
         return FIBRE_FACTOR * self.shear_mm2
 
     @property
-    def stretched_modulus(self) -> float:
-        """Young's modulus of the mounted sheet over that of the material.
+    def curvature_stretch_mm2(self) -> float:
+        """Q: curvatures k of the strain stretch the sheet by Q k^2 / 2, on which membrane forces work.
 
-        A neo-Hookean sheet that was stretched by s in its plane and is described in the mounted state has the
-        energy s^-4 psi(E) + (tension) tr E exactly, if it is incompressible; in general the exponent is that
-        of J^(-5/3) times the square of the stretch across it. The stretch is that of the pretension to second
-        order.
+        They work on the deflection of each layer of the slab, which is larger than that of its camera-side
+        face, and on the curvature of its fibres (docs/derivations/mechanics.md, "Tension"). It is t^2 / 12
+        times (1 + nu) / (1 - nu) for a slab, and 0 for a thin plate.
         """
         nu = self.poisson
-        strain = (1.0 - nu) * self.pretension_over_E_mm / self.thickness_mm
-        thinning = 2.0 * nu / (1.0 - nu)
-        exponent = 2.0 * thinning + 5.0 / 3.0 * (2.0 - thinning)
-        return float((1.0 + strain * (1.0 + 1.5 * strain)) ** -exponent)
+        return self.shear_mm2 / (12.0 * SHEAR_FACTOR) * (1.0 + nu) / (1.0 - nu)
+
+    @cached_property
+    def stretched(self) -> StretchedModuli:
+        """Moduli of the mounted sheet, which its pretension has changed."""
+        return stretched_moduli(float(self.poisson), float(self.pretension_over_E_mm / self.thickness_mm))
 
     @property
     def rigidity_mm3(self) -> float:
-        """Bending stiffness D over E.
-
-        The tension does work on the second-order strain z^2 (grad grad b)^2 / 2 of fibres at a height z,
-        which adds t^2 / 12 times the tension.
-        """
-        nu, t = self.poisson, self.thickness_mm
-        plate_mm3 = self.stretched_modulus * t**3 / (12.0 * (1.0 - nu**2))
-        return self.bending_factor * (plate_mm3 + t**2 / 12.0 * self.pretension_over_E_mm)
+        """Bending stiffness D over E."""
+        moduli = self.stretched
+        plate_mm3 = moduli.young * self.thickness_mm**3 / (12.0 * (1.0 - moduli.poisson**2))
+        return self.bending_factor * plate_mm3
 
     def energy(self, coefficient_mm: Nodal) -> float:
         """Energy over E (mm^3), 0 at rest."""
@@ -208,15 +206,14 @@ class Shell:
 
     @cached_property
     def _stiffness(self) -> shell_kernels.Stiffness:
-        nu, t = float(self.poisson), float(self.thickness_mm)
-        modulus = self.stretched_modulus
-        bending = self.rigidity_mm3 * 12.0 * (1.0 - nu**2) / (modulus * t**3)
+        t, young, nu = float(self.thickness_mm), self.stretched.young, self.stretched.poisson
         return shell_kernels.Stiffness(
             thickness=t,
-            mu=modulus * 0.5 / (1.0 + nu),
-            bulk=modulus / (3.0 * (1.0 - 2.0 * nu)),
+            mu=0.5 * young / (1.0 + nu),
+            bulk=young / (3.0 * (1.0 - 2.0 * nu)),
             tension=float(self.pretension_over_E_mm),
-            lever=t * float(np.sqrt(bending / 12.0)),
+            lever=t * float(np.sqrt(self.bending_factor / 12.0)),
+            stretch=self.curvature_stretch_mm2,
             shear=float(self.shear_mm2),
             shear_stiffness=self.rigidity_mm3 * float(self.shear_mm2),
         )

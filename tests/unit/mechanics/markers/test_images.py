@@ -87,7 +87,7 @@ def test_fibres_lean_where_the_curvature_varies() -> None:
 
 
 def face_reference_mm(face: Face, coefficient_mm: np.ndarray) -> np.ndarray:
-    """`Face.displacement` by scipy: displacement of the middle surface minus lever times normal."""
+    """`Face.displacement` by scipy: displacement of the middle surface minus levers times normal."""
     shell, patch, point_mm = face.shell, face.shell.patch, face.point_mm
     base = [reference.derivative(patch, coefficient_mm, point_mm, *way) for way in ((1, 0), (0, 1))]
     for axis, way in enumerate(((1, 0), (0, 1))):
@@ -97,11 +97,18 @@ def face_reference_mm(face: Face, coefficient_mm: np.ndarray) -> np.ndarray:
     trace = 0.5 * ((base[0] ** 2).sum(axis=1) + (base[1] ** 2).sum(axis=1)) - 1.0
     thinner = 1.0 - shell.poisson / (1.0 - shell.poisson) * trace
     assert np.abs(thinner - 0.9).max() < 0.4  # bounds of the thickness
-    lever = 0.5 * shell.thickness_mm * thinner + face.height_mm
+    half, nu = 0.5 * shell.thickness_mm, shell.poisson
+    across = half * thinner + face.height_mm
+    tension = trace / (2.0 * (1.0 - nu)) + shell.pretension_over_E_mm / shell.thickness_mm  # over E t
+    in_plane = across + half * nu * (1.0 + nu) * tension
     normal = np.cross(base[0], base[1])
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     at_rest = np.array([0.0, 0.0, 0.5 * shell.thickness_mm + face.height_mm])
-    return reference.moved(patch, coefficient_mm, point_mm) - lever[:, None] * normal + at_rest
+    return (
+        reference.moved(patch, coefficient_mm, point_mm)
+        - np.column_stack([in_plane, in_plane, across]) * normal
+        + at_rest
+    )
 
 
 def test_the_face_is_that_of_its_derivation(shell: Shell, bent_mm: np.ndarray, dots: MarkerImages) -> None:

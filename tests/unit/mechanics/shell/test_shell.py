@@ -15,6 +15,7 @@ from manytouch.mechanics.markers.images import Face
 from manytouch.mechanics.shell import material as material_kernels
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.mechanics.shell.shell import Shell
+from manytouch.mechanics.shell.stretched import stretched_moduli
 from slab import free_face
 
 H = 1e-5
@@ -56,14 +57,19 @@ def energy_reference(shell: Shell, coefficient_mm: np.ndarray) -> float:
         [0.5 * ((a1**2).sum(axis=1) - 1.0), 0.5 * ((a2**2).sum(axis=1) - 1.0), (a1 * a2).sum(axis=1)]
     )
     curvature = np.array([field(2, 0)[:, 2], field(0, 2)[:, 2], 2.0 * field(1, 1)[:, 2]]) / (1.0 + fibre2)
-    tension_over_E_mm = shell.pretension_over_E_mm
-    strain_of_it = (1.0 - nu) * tension_over_E_mm / t
-    thinner = 2.0 * nu / (1.0 - nu)
-    modulus = (1.0 + strain_of_it + 1.5 * strain_of_it**2) ** -(2.0 * thinner + (10.0 - 5.0 * thinner) / 3.0)
-    mu, bulk = modulus * 0.5 / (1.0 + nu), modulus / (3.0 * (1.0 - 2.0 * nu))
-    plate = modulus * t**3 / (12.0 * (1.0 - nu**2))
-    rigidity = shell.bending_factor * (plate + t**2 * tension_over_E_mm / 12.0)
-    lever = np.sqrt(rigidity * (1.0 - nu**2) / (modulus * t))
+    square = shell.thickness_mm**2 / 12.0 * (1.0 + nu) / (1.0 - nu)
+    strain = strain + 0.5 * square * np.array(
+        [
+            curvature[0] ** 2 + 0.25 * curvature[2] ** 2,
+            curvature[1] ** 2 + 0.25 * curvature[2] ** 2,
+            curvature[2] * (curvature[0] + curvature[1]),
+        ]
+    )
+    moduli = stretched_moduli(nu, shell.pretension_over_E_mm / t)
+    mu, bulk = 0.5 / (1.0 + moduli.poisson), 1.0 / (3.0 * (1.0 - 2.0 * moduli.poisson))
+    mu, bulk = moduli.young * mu, moduli.young * bulk
+    rigidity = shell.bending_factor * moduli.young * t**3 / (12.0 * (1.0 - moduli.poisson**2))
+    lever = t * np.sqrt(shell.bending_factor / 12.0)
     layers = [
         [material_kernels.energy_density(*point, mu, bulk) for point in (strain + z * curvature).T]
         for z in (-lever, lever)
@@ -326,7 +332,7 @@ def test_waves_are_those_of_an_exact_slab(poisson: float, wave_kt: float) -> Non
     """Deflection, and displacement in the plane, of the face that is not loaded."""
     t, k = 2.0, wave_kt / 2.0
     patch = SplinePatch(size_mm=(5.0 * np.pi / k, 2.0 * np.pi / k), elements=(48, 12), boundary="soft")
-    for strain, within in ((0.0, 0.02), (0.005, 0.02), (0.05, 0.06)):  # tension over E t
+    for strain, within in ((0.0, 0.01), (0.005, 0.015), (0.05, 0.03)):  # tension over E t
         shell = Shell(
             patch=patch,
             thickness_mm=t,
@@ -337,7 +343,7 @@ def test_waves_are_those_of_an_exact_slab(poisson: float, wave_kt: float) -> Non
         exact = free_face(k, t, poisson, strain * t)
         stiffness, aside = wave_response(shell, k)
         assert stiffness == pytest.approx(exact.stiffness_per_mm, rel=within)
-        assert aside == pytest.approx(exact.in_plane, rel=within)
+        assert aside == pytest.approx(exact.in_plane, rel=min(within, 0.015))
     if wave_kt == min(WAVES_KT):
         thin = t**3 / (12.0 * (1.0 - poisson**2)) * k**4
         assert wave_response(replace(shell, pretension_over_E_mm=0.0), k)[0] == pytest.approx(thin, rel=2e-3)

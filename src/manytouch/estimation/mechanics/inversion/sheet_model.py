@@ -18,6 +18,8 @@ from manytouch.values.sensor_file.assumed_sheet import ASSUMED_POISSON, assumed_
 from manytouch.values.sensor_file.default_std import sheet_std
 
 MIN_MARKERS = 12
+PRETENSION_STEP_MM = 1e-3
+"""Of a finite difference; it stretches a sheet by less than 0.1 %, which hardly changes its moduli."""
 """A layout with fewer markers is refused; a frame that shows fewer has the status `few_markers`."""
 
 
@@ -29,8 +31,8 @@ class InversionModel:
         camera, layout: of the sensor.
         patch: spline patch of the middle surface.
         shell: energy and forces of the sheet.
-        stretched: the shell with 1 mm more of pretension over E, for derivatives by the pretension.
         dots: marker images.
+        stretched: those with `PRETENSION_STEP_MM` more of pretension over E, for derivatives by it.
         normal_equations: of the inversion.
         nodes: of the sheet.
         pitch_mm: geometric mean of both pitches of the layout.
@@ -46,8 +48,8 @@ class InversionModel:
     layout: Layout
     patch: SplinePatch
     shell: Shell
-    stretched: Shell
     dots: MarkerImages
+    stretched: MarkerImages
     normal_equations: NormalEquations
     nodes: ForceNodes
     pitch_mm: float
@@ -73,8 +75,8 @@ class InversionModel:
         return replace(
             self,
             shell=shell,
-            stretched=_stretched(shell),
             dots=dots,
+            stretched=_stretched(dots),
             normal_equations=equations,
             nodes=nodes,
         )
@@ -164,8 +166,8 @@ class NominalSheet:
             layout=layout,
             patch=patch,
             shell=shell,
-            stretched=_stretched(shell),
             dots=dots,
+            stretched=_stretched(dots),
             normal_equations=NormalEquations(shell=shell, dots=dots),
             nodes=ForceNodes(
                 shape=patch.shape,
@@ -216,8 +218,10 @@ class NominalSheet:
         )
 
 
-def _stretched(shell: Shell) -> Shell:
-    return replace(shell, pretension_over_E_mm=shell.pretension_over_E_mm + 1.0)
+def _stretched(dots: MarkerImages) -> MarkerImages:
+    shell = dots.shell
+    over_E_mm = shell.pretension_over_E_mm + PRETENSION_STEP_MM
+    return dots.changed(shell=replace(shell, pretension_over_E_mm=over_E_mm))
 
 
 def _compliance_per_mm(shell: Shell, width_mm: float) -> float:

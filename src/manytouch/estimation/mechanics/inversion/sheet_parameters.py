@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, balance
-from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
+from manytouch.estimation.mechanics.inversion.sheet_model import PRETENSION_STEP_MM, InversionModel
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.shell import Shell
@@ -49,7 +49,7 @@ class SheetVariant:
         std_over_step: standard deviation of the parameter over the step.
         outline_std_over_step: of the place of the clamp, the same with the error of the shell next to it; 0
             for other parameters.
-        marker_images: of this sheet; None if those of a shape do not depend on the parameter.
+        marker_images: of this sheet; None if those of a shape do not depend on the parameter, or hardly.
     """
 
     shell: Shell | None
@@ -58,10 +58,13 @@ class SheetVariant:
     marker_images: MarkerImages | None = None
 
     def with_pretension(self, over_E_mm: float) -> "SheetVariant":
-        """The variant with another pretension over E, on which marker images do not depend."""
-        if self.shell is None:
-            return self
-        return replace(self, shell=replace(self.shell, pretension_over_E_mm=over_E_mm))
+        """The variant with another pretension over E."""
+        shell, images = self.shell, self.marker_images
+        if shell is not None:
+            shell = replace(shell, pretension_over_E_mm=over_E_mm)
+        if images is not None:
+            images = images.changed(shell=replace(images.shell, pretension_over_E_mm=over_E_mm))
+        return replace(self, shell=shell, marker_images=images)
 
 
 def sheet_variants(model: InversionModel, sheet: Sheet) -> tuple[SheetVariant, ...]:
@@ -300,8 +303,9 @@ def parameter_response(
     posterior, shape = fit.posterior, fit.shape
     linearisation, weight = posterior.linearisation, posterior.weight
     coefficient_mm, count = shape.coefficient_mm, len(posterior.information)
-    force_changes = [model.stretched.forces(coefficient_mm) - shape.force_mm2]
-    image_changes = [np.zeros((count, 2))]
+    more_mm2 = model.stretched.shell.forces(coefficient_mm) - shape.force_mm2
+    moved_px = model.stretched.displacement_px(coefficient_mm) - shape.displacement_px
+    force_changes, image_changes = [more_mm2 / PRETENSION_STEP_MM], [moved_px / PRETENSION_STEP_MM]
     stds, outline_stds = [pretension.std_mm], [0.0]
     for variant in variants:
         changed_mm2 = np.zeros_like(shape.force_mm2)
@@ -329,5 +333,6 @@ def parameter_response(
         normal_mm2=-shape.force_mm2[:, 2],
         total_mm2=total_force_mm2(model, fit),
         balance_slope=balances[0] - linearisation.balance_change(solved[0]),
-        image_slope_px=-np.einsum("mjka,mka->mj", linearisation.derivative, solved[0][node]),
+        image_slope_px=image_changes[0]
+        - np.einsum("mjka,mka->mj", linearisation.derivative, solved[0][node]),
     )
