@@ -129,15 +129,16 @@ class BackgroundIterator(Generic[Item]):
     def _run(self) -> None:
         end = _End()
         try:
-            for item in self._items:
-                if not self._put(item):
-                    break
+            try:
+                for item in self._items:
+                    if not self._put(item):
+                        break
+            finally:
+                close = getattr(self._items, "close", None)
+                if close is not None:
+                    close()
         except BaseException as error:  # noqa: BLE001 - it is raised in the consumer
             end = _End(error)
-        finally:
-            close = getattr(self._items, "close", None)
-            if close is not None:
-                close()
         self._put(end)
 
     def _put(self, item: Item | _End) -> bool:

@@ -101,6 +101,29 @@ def test_an_error_comes_after_the_items_before_it() -> None:
             next(got)
 
 
+def test_an_iterator_that_cannot_be_closed_ends_all_the_same() -> None:
+    class Camera:
+        def __init__(self) -> None:
+            self.frames = iter([1, 2])
+
+        def __iter__(self) -> Iterator[int]:
+            return self
+
+        def __next__(self) -> int:
+            return next(self.frames)
+
+        def close(self) -> None:
+            raise OSError("the camera is gone")
+
+    seen: list[int] = []
+    with (
+        BackgroundIterator(Camera(), ahead=1, stop=lambda: False) as stream,
+        pytest.raises(OSError, match="gone"),
+    ):
+        seen.extend(stream)
+    assert seen == [1, 2]
+
+
 def test_leaving_the_block_ends_a_thread_that_waits() -> None:
     name = "a thread that waits"
     with BackgroundIterator(iter(range(100)), ahead=1, thread_name=name) as stream:
