@@ -5,6 +5,10 @@ Derivation: docs/derivations/mechanics.md, "Tension". Symbols and the law are th
 
 from dataclasses import dataclass
 
+LEAST_TENSION, MOST_TENSION = -0.1, 0.4
+"""Bounds of the membrane force per length over E t. The upper one stretches a sheet by 30 to 60 %; beyond it
+the stresses by small further strains are not those of a neo-Hookean sheet with any Poisson's ratio."""
+_BISECTIONS = 50
 _STEPS = 60
 _TOLERANCE = 1e-14
 
@@ -27,17 +31,11 @@ def stretched_moduli(poisson: float, tension_over_Et: float) -> StretchedModuli:
 
     Args:
         poisson: of the material, 0 to less than 0.5.
-        tension_over_Et: membrane force per length over E t.
+        tension_over_Et: membrane force per length over E t. Beyond `LEAST_TENSION` and `MOST_TENSION` the
+            moduli are those at these bounds.
     """
     mu, bulk = 0.5 / (1.0 + poisson), 1.0 / (3.0 * (1.0 - 2.0 * poisson))
-    before, stretch = 1.0, 1.0 + (1.0 - poisson) * tension_over_Et
-    wrong_before, wrong = -tension_over_Et, _stress(stretch, mu, bulk) - tension_over_Et
-    for _ in range(_STEPS):
-        if abs(wrong) <= _TOLERANCE or wrong == wrong_before:
-            break
-        following = stretch - wrong * (stretch - before) / (wrong - wrong_before)
-        before, wrong_before, stretch = stretch, wrong, following
-        wrong = _stress(stretch, mu, bulk) - tension_over_Et
+    stretch = _stretch(min(max(tension_over_Et, LEAST_TENSION), MOST_TENSION), mu, bulk)
     y, slope = _root_of_volume_ratio(stretch, mu, bulk)
     m, z = mu / y**2, y**6 / stretch**4
     along, coupled = 2.0 * m * z / stretch**4, m * z / stretch**4
@@ -46,6 +44,18 @@ def stretched_moduli(poisson: float, tension_over_Et: float) -> StretchedModuli:
     first, second = to_mounted * (along - thinned), to_mounted * (coupled - thinned)
     ratio = second / first
     return StretchedModuli(young=first * (1.0 - ratio**2), poisson=ratio)
+
+
+def _stretch(tension_over_Et: float, mu: float, bulk: float) -> float:
+    """The stretch in the plane with this stress, by bisection; the stress increases with the stretch."""
+    low, high = 0.8, 2.0
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        if _stress(middle, mu, bulk) < tension_over_Et:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
 
 
 def _stress(stretch: float, mu: float, bulk: float) -> float:

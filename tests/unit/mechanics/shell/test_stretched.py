@@ -1,10 +1,12 @@
 """Moduli of stretched sheets against the nominal stress of the material."""
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from manytouch.mechanics.shell.stretched import stretched_moduli
+from manytouch.mechanics.shell.stretched import LEAST_TENSION, MOST_TENSION, stretched_moduli
 from manytouch.simulation.fem.elements.material import NeoHooke
 from slab import nominal_stress
 
@@ -43,3 +45,11 @@ def test_an_unstretched_sheet_has_the_moduli_of_its_material() -> None:
     found = stretched_moduli(0.4, 0.0)
     assert found.young == pytest.approx(1.0, rel=1e-12)
     assert found.poisson == pytest.approx(0.4, rel=1e-12)
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.2, 0.4, 0.499])
+def test_no_pretension_gives_moduli_that_no_material_has(poisson: float) -> None:
+    tensions = [-10.0, *np.linspace(LEAST_TENSION, MOST_TENSION, 51), 1.0, 100.0, 1e6]
+    found = [stretched_moduli(poisson, tension) for tension in tensions]
+    assert all(each.young > 0.1 and -0.5 < each.poisson < 0.5 for each in found)
+    assert all(a.young >= b.young for a, b in itertools.pairwise(found[1:]))
