@@ -29,7 +29,7 @@ GAUSS_POINTS = 3
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shell:
-    """A sheet with finite membrane strain (neo-Hooke, plane stress) and linear bending with shear.
+    """A sheet with finite membrane strain (neo-Hooke, plane stress) and bending with shear.
 
     Vectors are in the sheet frame, whose z points away from the camera; a press has w < 0 and forces f_z < 0.
     All energies and forces are divided by E: mm^3 and mm^2.
@@ -125,9 +125,8 @@ class Shell:
         tangent[p, i, j, a, b] = d force[p, i] / d coefficient[q, j], where node q lies a - 3 further
         along the slow and b - 3 further along the fast axis.
         """
-        tangent_assembly.forces_and_tangent(
-            read_only_view(coefficient_mm), self._elements, self._stiffness, force, tangent
-        )
+        force[:] = self._products.forces(coefficient_mm, self._stiffness)
+        tangent_assembly.assemble(read_only_view(coefficient_mm), self._elements, self._stiffness, tangent)
         self._add_boundary_forces(coefficient_mm, force)
         middle = tangent_kernels.REACH
         for i in range(3):

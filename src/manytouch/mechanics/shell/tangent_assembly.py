@@ -1,7 +1,7 @@
 """Tangent of the shell, element by element, compiled.
 
 Derivation and symbols: docs/derivations/mechanics.md. The tangent of an element is a sum over its Gauss
-points of products of two derivatives of displacements; `SecondDerivatives` has the factor of each product.
+points of products of two derivatives of displacements; `SecondDerivatives` are their factors.
 """
 
 import numpy as np
@@ -16,17 +16,10 @@ from manytouch.mechanics.shell.kernels import (
     Stiffness,
     gather,
     new_tables,
-    scatter_force,
     tabulate,
 )
-from manytouch.mechanics.shell.point_derivatives import (
-    SecondDerivatives,
-    add_force,
-    evaluate,
-    new_state,
-    set_deflection_derivatives,
-    set_plane_derivatives,
-)
+from manytouch.mechanics.shell.point_derivatives import FIRST, SecondDerivatives, set_derivatives
+from manytouch.mechanics.shell.point_state import evaluate, new_state
 from manytouch.mechanics.shell.tangent_kernels import REACH, ROW, STRIP, Coefficients, Tangent, clear_outside
 
 
@@ -64,36 +57,40 @@ def _transpose(matrix: Float[np.ndarray, "16 16"], turned: Float[np.ndarray, "16
 @inlined_kernel(fastmath=True)
 @no_type_check
 def _sum_plane(
-    factor: Float[np.ndarray, "9 2 2"],
-    plane: Float[np.ndarray, "18 16"],
+    factor: Float[np.ndarray, "9 m n"],
+    plane: Float[np.ndarray, "45 16"],
     left: Float[np.ndarray, "63 16"],
 ) -> None:
-    """Sums over the derivatives of the displacement along x or y, for both derivatives of another one."""
+    """Sums over the derivatives of u or v, for each of the five of another one of them."""
     for at in range(POINTS):
-        by_x, by_y = plane[at], plane[POINTS + at]
-        for column in range(2):
-            to, x, y = left[column * POINTS + at], factor[at, 0, column], factor[at, 1, column]
+        d0, d1, d2 = plane[at], plane[POINTS + at], plane[2 * POINTS + at]
+        d3, d4 = plane[3 * POINTS + at], plane[4 * POINTS + at]
+        for column in range(5):
+            to = left[column * POINTS + at]
+            f0, f1, f2 = factor[at, 0, column], factor[at, 1, column], factor[at, 2, column]
+            f3, f4 = factor[at, 3, column], factor[at, 4, column]
             for k in range(LOCAL):
-                to[k] = x * by_x[k] + y * by_y[k]
+                to[k] = f0 * d0[k] + f1 * d1[k] + f2 * d2[k] + f3 * d3[k] + f4 * d4[k]
 
 
 @inlined_kernel(fastmath=True)
 @no_type_check
 def _sum_deflection(
-    factor: Float[np.ndarray, "9 c 7"],
+    factor: Float[np.ndarray, "9 m n"],
+    count: int,
     deflection: Float[np.ndarray, "63 16"],
     left: Float[np.ndarray, "63 16"],
 ) -> None:
-    """Sums over the derivatives of b, for the c derivatives of another displacement."""
+    """Sums over the derivatives of b, for each of the first `count` ones of another displacement."""
     for at in range(POINTS):
         d0, d1, d2 = deflection[at], deflection[POINTS + at], deflection[2 * POINTS + at]
         d3, d4 = deflection[3 * POINTS + at], deflection[4 * POINTS + at]
         d5, d6 = deflection[5 * POINTS + at], deflection[6 * POINTS + at]
-        for column in range(factor.shape[1]):
+        for column in range(count):
             to = left[column * POINTS + at]
-            f0, f1, f2 = factor[at, column, 0], factor[at, column, 1], factor[at, column, 2]
-            f3, f4 = factor[at, column, 3], factor[at, column, 4]
-            f5, f6 = factor[at, column, 5], factor[at, column, 6]
+            f0, f1, f2 = factor[at, 0, column], factor[at, 1, column], factor[at, 2, column]
+            f3, f4 = factor[at, 3, column], factor[at, 4, column]
+            f5, f6 = factor[at, 5, column], factor[at, 6, column]
             for k in range(LOCAL):
                 first = f0 * d0[k] + f1 * d1[k] + f2 * d2[k] + f3 * d3[k]
                 to[k] = first + f4 * d4[k] + f5 * d5[k] + f6 * d6[k]
@@ -103,8 +100,8 @@ def _sum_deflection(
 @no_type_check
 def _sum_derivatives(
     component: tuple[int, int],
-    derivatives: SecondDerivatives,
-    plane: Float[np.ndarray, "18 16"],
+    second: SecondDerivatives,
+    plane: Float[np.ndarray, "45 16"],
     deflection: Float[np.ndarray, "63 16"],
     left: Float[np.ndarray, "63 16"],
 ) -> int:
@@ -113,62 +110,47 @@ def _sum_derivatives(
     j is at most i. They are written to `left`; returns the number of rows.
     """
     i, j = component
+    factor, count = second[:, FIRST[i] :, FIRST[j] :], 5 if j < 2 else 7
     if i < 2:
-        _sum_plane(derivatives.plane[:, i, j], plane, left)
-        return 2 * POINTS
-    if j < 2:
-        _sum_deflection(derivatives.coupling[:, j], deflection, left)
-        return 2 * POINTS
-    _sum_deflection(derivatives.deflection, deflection, left)
-    return 7 * POINTS
+        _sum_plane(factor, plane, left)
+    else:
+        _sum_deflection(factor, count, deflection, left)
+    return count * POINTS
 
 
 @kernel(fastmath=True)
 @no_type_check
-def forces_and_tangent(
-    coefficient: Coefficients, elements: Elements, stiffness: Stiffness, force: Coefficients, tangent: Tangent
-) -> None:
-    """`kernels.forces`, and their derivative into `tangent` in its precision, mm.
+def assemble(coefficient: Coefficients, elements: Elements, stiffness: Stiffness, tangent: Tangent) -> None:
+    """The tangent in its precision, mm.
 
     tangent[p, i, j, a, b] = d force[p, i] / d coefficient[q, j], where node q is a - 3 nodes further along
     the slow and b - 3 nodes further along the fast axis than p.
     """
     kind, tables, local = tangent.dtype, new_tables(), np.empty((3, LOCAL))
-    nx, ny, wx, wy, nxx, nyy, nxy, lx, ly = tables
-    element = np.empty((3, LOCAL))
+    nx, ny, wx, wy, nxx, nyy, nxy, lx, ly, uxx, uyy, uxy = tables
     matrix, turned = np.empty((LOCAL, LOCAL), kind), np.empty((LOCAL, LOCAL), kind)
     left = np.empty((7 * POINTS, LOCAL), kind)
-    plane, deflection = np.empty((2 * POINTS, LOCAL), kind), np.empty((7 * POINTS, LOCAL), kind)
+    plane, deflection = np.empty((5 * POINTS, LOCAL), kind), np.empty((7 * POINTS, LOCAL), kind)
     flat, flat_left, flat_tangent = matrix.reshape(-1), left.reshape(-1), tangent.reshape(-1)
     flat_plane, flat_deflection = plane.reshape(-1), deflection.reshape(-1)
-    derivatives = SecondDerivatives(
-        np.empty((POINTS, 2, 2, 2, 2), kind),
-        np.empty((POINTS, 2, 2, 7), kind),
-        np.empty((POINTS, 7, 7), kind),
-    )
+    second = np.empty((POINTS, 17, 17), kind)
     state = new_state()
-    force[:] = 0.0
     tangent[:] = 0.0
     for es in range(elements.slow.shape[0]):
         for ef in range(elements.fast.shape[0]):
             gather(coefficient, elements, es, ef, local)
             tabulate(elements, es, ef, stiffness.shear, tables)
-            element[:] = 0.0
             for at in range(POINTS):
-                weight = elements.weight[at]
-                slopes = evaluate((local, tables), at, weight, stiffness, state)
-                add_force(state, tables, at, slopes, element)
-                set_plane_derivatives(at, state, slopes.fibre_cos2, derivatives)
-                sheared = weight * stiffness.shear_stiffness
-                set_deflection_derivatives(at, state, slopes, sheared, derivatives)
-            for row, table in enumerate((nx, ny)):
+                sheared = evaluate((local, tables), at, elements.weight[at], stiffness, state)
+                set_derivatives(state, stiffness.shear, sheared, second[at])
+            for row, table in enumerate((nx, ny, uxx, uyy, uxy)):
                 plane[row * POINTS : (row + 1) * POINTS] = table
             for row, table in enumerate((wx, wy, nxx, nyy, nxy, lx, ly)):
                 deflection[row * POINTS : (row + 1) * POINTS] = table
             first = (es - elements.dropped, ef - elements.dropped)
             for i in range(3):
                 for j in range(i + 1):  # the tangent is symmetric
-                    count = _sum_derivatives((i, j), derivatives, plane, deflection, left)
+                    count = _sum_derivatives((i, j), second, plane, deflection, left)
                     right = flat_deflection if j == 2 else flat_plane
                     matrix[:] = 0.0
                     for row in range(0, LOCAL, ROWS):
@@ -179,5 +161,4 @@ def forces_and_tangent(
                     if j < i:
                         _transpose(matrix, turned)
                         _scatter_tangent(turned, (j, i), first, elements.shape, flat_tangent)
-            scatter_force(element, elements, es, ef, force)
     clear_outside(elements.shape, tangent)

@@ -48,15 +48,17 @@ def energy_reference(shell: Shell, coefficient_mm: np.ndarray) -> float:
     grad_lap = [reference.laplacian(patch, coefficient_mm, point_mm, *way) for way in ((1, 0), (0, 1))]
     a1, a2 = field(1, 0), field(0, 1)
     stretched = a1[:, 0] + a2[:, 1]
-    fibre2 = a1[:, 2] ** 2 + a2[:, 2] ** 2
+    a1[:, 0] += 1.0
+    a2[:, 1] += 1.0
+    fibre = np.cross(a1, a2)  # of slopes of b
     for base, axis in ((a1, 0), (a2, 1)):
         base[:, 2] -= patch.shear_mm2 * grad_lap[axis]  # w = b - a lap b
-        base[:, axis] += 1.0
-    slope2 = a1[:, 2] ** 2 + a2[:, 2] ** 2
+    normal = np.cross(a1, a2)
     strain = np.array(
         [0.5 * ((a1**2).sum(axis=1) - 1.0), 0.5 * ((a2**2).sum(axis=1) - 1.0), (a1 * a2).sum(axis=1)]
     )
-    curvature = np.array([field(2, 0)[:, 2], field(0, 2)[:, 2], 2.0 * field(1, 1)[:, 2]]) / (1.0 + fibre2)
+    second = np.stack([field(2, 0), field(0, 2), 2.0 * field(1, 1)])
+    curvature = (second * fibre).sum(axis=2) / (fibre**2).sum(axis=1)
     square = shell.thickness_mm**2 / 12.0 * (1.0 + nu) / (1.0 - nu)
     strain = strain + 0.5 * square * np.array(
         [
@@ -74,7 +76,9 @@ def energy_reference(shell: Shell, coefficient_mm: np.ndarray) -> float:
         [material_kernels.energy_density(*point, mu, bulk) for point in (strain + z * curvature).T]
         for z in (-lever, lever)
     ]
-    sheared = 0.5 * rigidity * patch.shear_mm2 * (grad_lap[0] ** 2 + grad_lap[1] ** 2) / (1.0 + slope2)
+    sheared = (
+        0.5 * rigidity * patch.shear_mm2 * (grad_lap[0] ** 2 + grad_lap[1] ** 2) / (normal**2).sum(axis=1)
+    )
     tension = shell.pretension_over_E_mm * (strain[0] + strain[1] - stretched)  # balanced at rest
     springs = np.where(patch.is_soft_edge, shell.support_per_mm * patch.area_mm2, 0.0)
     density = 0.5 * t * np.sum(layers, axis=0) + sheared + tension
@@ -167,6 +171,20 @@ def test_a_rigid_motion_has_no_energy(elements: tuple[int, int]) -> None:
     moved = place @ (turn @ tip).T - place + np.array([5.0, -3.0, 8.0])
     assert abs(shell.energy(moved)) < 1e-10
     assert np.abs(shell.forces(moved)).max() < 1e-12
+
+
+@pytest.mark.parametrize("elements", [(9, 7), (7, 9)])
+def test_a_bent_sheet_that_is_turned_has_the_same_energy(elements: tuple[int, int]) -> None:
+    patch = SplinePatch(size_mm=(40.0, 30.0), elements=elements, boundary="soft")
+    shell = Shell(patch=patch, thickness_mm=3.0, support_per_mm=0.0, shear_factor=0.0)
+    place = np.column_stack([patch.place_mm, np.zeros(patch.node_count)])
+    x, y = patch.place_mm.T / 20.0
+    bent = np.column_stack([0.4 * x * y, 0.6 * y**2, 2.0 * x**2 - 1.5 * x * y + y**2 + 0.7 * x**3])
+    cos, sin = np.cos(0.7), np.sin(0.7)
+    turn = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
+    energy = shell.energy(bent)
+    assert energy > 1.0
+    assert shell.energy((place + bent) @ turn.T - place) == pytest.approx(energy, rel=1e-12)
 
 
 def test_springs_act_on_a_soft_boundary_only() -> None:
