@@ -19,7 +19,7 @@ DEFAULT_DICTIONARY = "DICT_4X4_250"
 """Dictionary of ChArUco markers, as OpenCV names it."""
 LONGEST_SHOWN = 60  # characters of a text in a message
 LEAST_SQUARE_MM, LARGEST_SQUARE_MM = 1e-3, 1e5
-_SEARCH_WIDTH_PX = 1280  # boards are searched in images of at most this width, then refined
+SEARCH_WIDTH_PX = 1280  # boards are searched in images of at most this width, then refined
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,7 +123,7 @@ def find_board(image: np.ndarray, board: Board) -> BoardDetection | None:
     A ChArUco board may be partly hidden (at least six of its corners must be visible); the other kinds
     must be completely visible.
     """
-    share = min(1.0, _SEARCH_WIDTH_PX / image.shape[1])
+    share = min(1.0, SEARCH_WIDTH_PX / image.shape[1])
     small = (
         image if share == 1.0 else cv2.resize(image, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
     )
@@ -180,7 +180,9 @@ def _find_whole_board(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.n
     if not is_found or place is None:
         return None
     place = np.asarray(place, dtype=np.float64).reshape(-1, 2)
-    return (np.arange(len(place)), place) if len(place) == board.columns * board.rows else None
+    # parts of a larger grid of circles are found with some circles twice
+    is_whole = len(np.unique(place, axis=0)) == board.columns * board.rows
+    return (np.arange(len(place)), place) if is_whole else None
 
 
 def _circle_detector(image: np.ndarray, board: Board) -> cv2.SimpleBlobDetector:

@@ -1,13 +1,15 @@
 """Camera calibration from images of a board: select views, refine corners, fit, reject outliers."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from manytouch.calibration.camera.board import Board, find_board, parse_board, refine_corners, spacing_px
+from manytouch.calibration.camera.board import Board, refine_corners, spacing_px
 from manytouch.calibration.camera.board_views import PARTS, BoardView, ViewCollection, grey, part_of
 from manytouch.calibration.camera.intrinsics import LEAST_VIEWS, Intrinsics, Model, fit_intrinsics
+from manytouch.calibration.camera.larger_board import chessboard_in, larger_board
 from manytouch.errors import ManytouchError
 from manytouch.values import Frame
 
@@ -17,6 +19,7 @@ _WINDOW_SHARE = 0.42  # of the distance to the next corner, which must not be in
 _OUTLIER = 2.5
 _OUTLIER_PX = 0.3
 _NAMED_WITHOUT_BOARD = 3
+_LEAST_LARGER = 3  # views that show a larger board than stated, so that an error of one has no effect
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -68,17 +71,24 @@ def calibrate_camera(
             when it returns True.
 
     Raises:
-        ManytouchError: no board was found, too few views were accepted, or no camera fits them.
+        ManytouchError: no board was found, the views show a larger one, too few were accepted, or no camera
+            fits them.
     """
     collection = ViewCollection(board=board)
     first_without: list[Frame] = []
+    larger: list[Board | None] = []
     for name, frame in frames:
         reason = collection.add(frame, name)
+        if reason is None and frame.image is not None:
+            view = collection.views[-1]
+            larger.append(larger_board(view.image, view.detection, board))
+            _require_whole(board, larger)
         if reason is not None and len(first_without) < _NAMED_WITHOUT_BOARD:
             first_without.append(frame)
         if on_view is not None and on_view(collection, reason):
             break
     if len(collection.views) < LEAST_VIEWS:
+        _require_whole(board, larger, least=1)
         raise ManytouchError(_too_few_views_message(collection, first_without))
     intrinsics, views, half_px, dropped = _fit(collection, model)
     return CameraCalibration(
@@ -89,6 +99,26 @@ def calibrate_camera(
         half_window_px=half_px,
         missing=collection.missing(),
     )
+
+
+def _require_whole(board: Board, larger: list[Board | None], least: int = _LEAST_LARGER) -> None:
+    """Check that views show the stated board and not a larger one.
+
+    Args:
+        board: as stated.
+        larger: of each view, what it shows instead, if anything.
+        least: number of views that count as evidence.
+
+    Raises:
+        ManytouchError: most of them, and at least `least`, show the same larger board.
+    """
+    other, count = Counter(larger).most_common(1)[0] if larger else (None, 0)
+    if other is not None and count >= least and 2 * count > len(larger):
+        inner = " (inner corners, one less than squares)" if board.kind == "chessboard" else ""
+        raise ManytouchError(
+            f"{count} of the first {len(larger)} good views show a {other}, of which the given {board} is "
+            f"only a part: give --board {other}{inner}, and check --square-mm"
+        )
 
 
 def _fit(
@@ -169,16 +199,9 @@ def _too_few_views_message(collection: ViewCollection, without: list[Frame]) -> 
     )
 
 
-def _other_size(board: Board, frames: list[Frame]) -> str | None:
-    """A chessboard of a similar size, if the images show one."""
+def _other_size(board: Board, frames: list[Frame]) -> Board | None:
+    """A chessboard of another size, if the images show one."""
     if board.kind != "chessboard":
         return None
-    tried = [
-        (board.columns + dx, board.rows + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if (dx, dy) != (0, 0)
-    ]
-    for columns, rows in [size for size in tried if min(size) >= 3]:
-        other = parse_board(f"chessboard:{columns}x{rows}", board.square_mm)
-        for frame in frames:
-            if frame.image is not None and find_board(grey(frame.image), other) is not None:
-                return str(other)
-    return None
+    other = chessboard_in([grey(frame.image) for frame in frames if frame.image is not None], board)
+    return None if other == board else other
