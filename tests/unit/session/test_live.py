@@ -332,7 +332,7 @@ def test_the_surface_of_any_method_can_be_changed_while_it_runs() -> None:
         (Tune(parameter="interpolation.kind", value="linear"), "must be spline or idw, not linear"),
         (Tune(parameter="interpolation.iterations", value=0.0), "from 2 to 300"),
         (Tune(parameter="detect.least_snr", value=None), "must be a finite number, not None"),
-        (Tune(parameter="detect.nonsense", value=1.0), "no parameter 'detect.nonsense'; there are: detect."),
+        (Tune(parameter="detect.nonsense", value=1.0), "no parameter 'detect.nonsense': "),
         (Tune(parameter=WHOLE, value=1.5), "whole number"),
         (UseMethod(method="magic"), "no method 'magic'"),
         (Tune(parameter="detect.least_share", value=float("nan")), "not nan"),

@@ -8,6 +8,7 @@ surfaces are interpolated has the same names for every method: "interpolation.ki
 Kinds of a parameter are the members of the union that is its type: of `float | None`, float and NoneType.
 """
 
+import difflib
 import math
 import types
 import typing
@@ -22,6 +23,8 @@ from manytouch.values.arrays import plain
 
 ParameterValue = int | float | str | None
 """A number, one of a few words, or None for a parameter that is determined automatically."""
+
+_MOST_NEAR = 4  # names that are proposed for one that does not exist
 
 _ESTIMATE, _INTERPOLATION = "estimate.", "interpolation."
 
@@ -45,7 +48,7 @@ def with_parameter(pipeline: Pipeline, parameter: str, value: ParameterValue) ->
     """
     known = {name: kinds for name, _, kinds in _parameters(pipeline)}
     if parameter not in known:
-        raise ManytouchError(f"there is no parameter {parameter!r}; there are: {', '.join(sorted(known))}")
+        raise ManytouchError(_unknown_message(parameter, sorted(known)))
     found = _converted(parameter, value, known[parameter])
     belongs_to_estimator = parameter.startswith(_INTERPOLATION) and pipeline.interpolation is None
     path = (_ESTIMATE if belongs_to_estimator else "") + parameter
@@ -58,6 +61,22 @@ def with_parameters(pipeline: Pipeline, parameters: Mapping[str, ParameterValue]
     for name, value in parameters.items():
         pipeline = with_parameter(pipeline, name, value)
     return pipeline
+
+
+def _unknown_message(parameter: str, known: list[str]) -> str:
+    """A sentence with the nearest names: by the whole name, or by its last part in any stage."""
+    last = {name: name.rpartition(".")[2] for name in known}
+    of_ends = difflib.get_close_matches(
+        parameter.rpartition(".")[2], sorted(set(last.values())), n=_MOST_NEAR
+    )
+    ends = [name for end in of_ends for name in known if last[name] == end]
+    near = dict.fromkeys([*difflib.get_close_matches(parameter, known, n=_MOST_NEAR), *ends])
+    names = list(near)[:_MOST_NEAR]
+    nearest = f"the nearest are {', '.join(names)}; " if names else ""
+    return (
+        f"there is no parameter {parameter!r}: {nearest}all {len(known)} are in the settings of the "
+        "viewer and under parameters in summary.json of a result"
+    )
 
 
 def value_text(value: ParameterValue) -> str:
