@@ -12,7 +12,7 @@ import textwrap
 from collections.abc import Sequence
 
 from manytouch.blas_threads import request_one_blas_thread
-from manytouch.cli.terminal.failures import DEBUG_FLAG
+from manytouch.cli.terminal.failures import DEBUG_FLAG, FAILED, flushed
 
 request_one_blas_thread()  # before anything imports numpy
 
@@ -85,8 +85,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = [word for word in (sys.argv[1:] if arguments is None else arguments) if word != DEBUG_FLAG]
     if words in ([], ["--help"], ["-h"]):  # without the parser, whose import takes longer than a user expects
-        print(_overview(shutil.get_terminal_size().columns))
-        return 0
+        try:
+            print(_overview(shutil.get_terminal_size().columns))
+        except OSError as error:
+            return flushed(FAILED, error)
+        return flushed(0)
     gc.set_threshold(OBJECTS_PER_COLLECTION, 10, 10)
     try:
         from manytouch.cli.application import run

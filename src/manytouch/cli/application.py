@@ -1,6 +1,5 @@
 """The parser of the command line, and what its errors are printed as."""
 
-import os
 import sys
 from collections.abc import Sequence
 from itertools import pairwise
@@ -9,10 +8,10 @@ from cyclopts import App, CycloptsError, UnknownCommandError, UnusedCliTokensErr
 
 import manytouch
 from manytouch.cli import COMMANDS, OPTIONS, SUMMARY
-from manytouch.cli.terminal.failures import one_line, report, usage_error
+from manytouch.cli.terminal.failures import FAILED, flushed, one_line, report, usage_error
 from manytouch.cli.terminal.interrupt import TERMINATED, StopOnSignal
 
-DONE, FAILED, WRONG_COMMAND_LINE = 0, 1, 2
+DONE, WRONG_COMMAND_LINE = 0, 2
 
 
 def application(words: Sequence[str]) -> App:
@@ -40,21 +39,18 @@ def run(words: list[str]) -> int:
     StopOnSignal.is_terminated = False
     try:
         _refuse_empty_words(words)
-        return _status(
-            application(words)(
-                list(words), exit_on_error=False, print_error=False, result_action="return_value"
-            )
+        result = application(words)(
+            list(words), exit_on_error=False, print_error=False, result_action="return_value"
         )
+        return flushed(_status(result))
     except CycloptsError as error:
         return _report_usage(error)
     except KeyboardInterrupt:
         print("stopped", file=sys.stderr)
         return _status(DONE)
-    except BrokenPipeError:  # the reader of the output, such as `head`, has closed it
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FAILED
     except Exception as error:  # noqa: BLE001 - reported in one line
-        report(error)
+        if flushed(DONE, error) == DONE:  # else the reason is printed
+            report(error)
         return FAILED
 
 

@@ -1,5 +1,6 @@
 """Options, exit statuses, help, and errors of the command line."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -44,6 +45,26 @@ def test_nothing_that_stays_is_searched_for_garbage_while_a_command_starts(tmp_p
     done = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True, check=True)
     assert "There is no" in done.stderr
     assert done.stdout.split()[-1] == "0"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is always full")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("words", [[], ["--version"], ["process", "--help"], ["doctor"]])
+def test_standard_output_on_a_full_disk_is_one_sentence(words, unbuffered):
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "manytouch", *words],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+        )
+    assert done.returncode == 1
+    assert done.stderr == (
+        "manytouch: cannot print to standard output (No space left on device): free some space there, or "
+        "send it elsewhere\n"
+    )
 
 
 def test_a_folder_of_pictures_keeps_its_whole_name(tmp_path: Path):
