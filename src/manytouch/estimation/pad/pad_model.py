@@ -11,12 +11,12 @@ from manytouch.estimation.pad.patch_kernels import LayerTable, Markers, PadGrid
 from manytouch.geometry.camera import mm_per_px
 from manytouch.geometry.refraction import project_through_window
 from manytouch.geometry.spline.patch import Nodal, PointBasis, SplinePatch
-from manytouch.mechanics.pad.elasticity import pad_response
+from manytouch.mechanics.pad.elasticity import PadResponse, pad_response
 from manytouch.mechanics.pad.layer import radial_table
 from manytouch.mechanics.pad.layer_nodes import layer_node_response
 from manytouch.values import Camera, Layout, Sensor, Sheet, SheetSpline
 from manytouch.values.arrays import Points2, Points3, read_only
-from manytouch.values.sensor_file.default_std import POISSON_STD, camera_std, sheet_std
+from manytouch.values.sensor_file.default_std import POISSON_STD, SheetStd, camera_std, sheet_std
 
 MIN_MARKERS = 12
 MOTIONS = 4
@@ -145,57 +145,26 @@ class NominalPad:
             SensorError: the sensor has no layout or no sheet.
             LayoutError: it has too few markers.
         """
-        layout, sheet = sensor.layout, sensor.sheet
-        if layout is None or sheet is None:
-            raise SensorError(
-                f"sensor {sensor.name!r} has no [markers] or no [sheet], "
-                "which the mechanics of a bonded pad needs"
-            )
-        if len(layout.rest_mm) < MIN_MARKERS:
-            raise LayoutError(
-                f"sensor {sensor.name!r} has {len(layout.rest_mm)} markers; a pad needs {MIN_MARKERS} or more"
-            )
+        layout, sheet = _require_markers(sensor)
+        camera, stds = sensor.camera, sheet_std(sheet)
         poisson = self.poisson if sheet.poisson is None else sheet.poisson
-        stds = sheet_std(sheet)
+        depth_mm = sheet.marker_depth_mm or 0.0
         patch = self._patch(sheet)
-        response = pad_response(
-            patch, sheet.thickness_mm, poisson, layout.rest_mm[:, :2], sheet.marker_depth_mm or 0.0
-        )
-        rest_px, slope_px = _projection(sensor.camera, sheet, layout)
-
-        def image(marker: np.ndarray) -> np.ndarray:
-            """(3, nx, ny, 2 m) of a response of the markers."""
-            moved = np.einsum("mij,mjnc->cnmi", slope_px, marker)
-            grid = moved.reshape(3, *patch.shape, -1)
-            return np.ascontiguousarray(grid if patch.is_x_slow else grid.swapaxes(1, 2))
-
-        poisson_std = POISSON_STD if stds.poisson is None else stds.poisson
-        cameras = camera_std(sensor.camera)
-        focal = cameras.fx_px / sensor.camera.fx_px
-        distance = float(cameras.translation_mm[2] / abs(sensor.camera.translation_mm[2]))
+        response = pad_response(patch, sheet.thickness_mm, poisson, layout.rest_mm[:, :2], depth_mm)
+        rest_px, slope_px = _projection(camera, sheet, layout)
+        by_sides = response.marker - _layer(patch, sheet, poisson, layout)
+        by_parameter, depth_by_parameter = _by_parameter(response, stds, patch, slope_px)
         pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
         return BondedPadModel(
-            camera=sensor.camera,
+            camera=camera,
             layout=layout,
             sheet=sheet,
             patch=patch,
             grid=_grid(patch),
-            table=layer_table(sheet.thickness_mm, poisson, sheet.marker_depth_mm or 0.0),
-            by_sides=read_only(image(response.marker - _layer(patch, sheet, poisson, layout))),
-            by_parameter=read_only(
-                np.stack(
-                    [
-                        poisson_std * image(response.by_poisson),
-                        stds.thickness_mm * image(response.by_thickness),
-                        (stds.marker_depth_mm or 0.0) * image(response.by_marker_depth),
-                    ]
-                )
-            ),
-            depth_by_parameter=read_only(
-                np.stack(
-                    [poisson_std * response.depth_by_poisson, stds.thickness_mm * response.depth_by_thickness]
-                )
-            ),
+            table=layer_table(sheet.thickness_mm, poisson, depth_mm),
+            by_sides=read_only(_images(by_sides, patch, slope_px)),
+            by_parameter=read_only(by_parameter),
+            depth_by_parameter=read_only(depth_by_parameter),
             marker=read_only(np.ascontiguousarray(response.marker.transpose(2, 3, 0, 1))),
             face=response.face,  # symmetric
             over_marker=patch.at(layout.rest_mm[:, :2]),
@@ -204,14 +173,12 @@ class NominalPad:
             rest_px=read_only(rest_px),
             motion=read_only(_motion(rest_px)),
             pitch_mm=pitch_mm,
-            pitch_px=pitch_mm / mm_per_px(sensor.camera),
+            pitch_px=pitch_mm / mm_per_px(camera),
             poisson=poisson,
             shape_is_nominal=sensor.shape_is_nominal,
             young_MPa=sheet.young_MPa if sensor.scale_is_known else None,
-            young_std=0.0
-            if sheet.young_MPa is None or stds.young_MPa is None
-            else stds.young_MPa / sheet.young_MPa,
-            scale_std=float(np.hypot(focal, distance)),
+            young_std=_young_std(sheet, stds),
+            scale_std=_scale_std(camera),
         )
 
     def _patch(self, sheet: Sheet) -> SplinePatch:
@@ -223,6 +190,64 @@ class NominalPad:
             elements=(int(count[0]), int(count[1])),
             boundary="soft",
         )
+
+
+def _require_markers(sensor: Sensor) -> tuple[Layout, Sheet]:
+    """The layout and the sheet of a sensor.
+
+    Raises:
+        SensorError: it has no layout or no sheet.
+        LayoutError: it has too few markers.
+    """
+    layout, sheet = sensor.layout, sensor.sheet
+    if layout is None or sheet is None:
+        raise SensorError(
+            f"sensor {sensor.name!r} has no [markers] or no [sheet], "
+            "which the mechanics of a bonded pad needs"
+        )
+    if len(layout.rest_mm) < MIN_MARKERS:
+        raise LayoutError(
+            f"sensor {sensor.name!r} has {len(layout.rest_mm)} markers; a pad needs {MIN_MARKERS} or more"
+        )
+    return layout, sheet
+
+
+def _images(
+    marker: np.ndarray, patch: SplinePatch, slope_px: Float64[np.ndarray, "m 2 3"]
+) -> Float64[np.ndarray, "3 nx ny r"]:
+    """Marker images of a response of the markers (m, 3, n, 3)."""
+    moved = np.einsum("mij,mjnc->cnmi", slope_px, marker)
+    grid = moved.reshape(3, *patch.shape, -1)
+    return np.ascontiguousarray(grid if patch.is_x_slow else grid.swapaxes(1, 2))
+
+
+def _by_parameter(
+    response: PadResponse, stds: SheetStd, patch: SplinePatch, slope_px: Float64[np.ndarray, "m 2 3"]
+) -> tuple[np.ndarray, np.ndarray]:
+    """`by_parameter` and `depth_by_parameter` of `BondedPadModel`."""
+    poisson_std = POISSON_STD if stds.poisson is None else stds.poisson
+    images = [
+        poisson_std * _images(response.by_poisson, patch, slope_px),
+        stds.thickness_mm * _images(response.by_thickness, patch, slope_px),
+        (stds.marker_depth_mm or 0.0) * _images(response.by_marker_depth, patch, slope_px),
+    ]
+    depths = [poisson_std * response.depth_by_poisson, stds.thickness_mm * response.depth_by_thickness]
+    return np.stack(images), np.stack(depths)
+
+
+def _young_std(sheet: Sheet, stds: SheetStd) -> float:
+    """Relative standard deviation of Young's modulus; 0 if it is not known."""
+    if sheet.young_MPa is None or stds.young_MPa is None:
+        return 0.0
+    return stds.young_MPa / sheet.young_MPa
+
+
+def _scale_std(camera: Camera) -> float:
+    """Relative standard deviation of the scale of the image."""
+    stds = camera_std(camera)
+    focal = stds.fx_px / camera.fx_px
+    distance = float(stds.translation_mm[2] / abs(camera.translation_mm[2]))
+    return float(np.hypot(focal, distance))
 
 
 def _layer(
