@@ -38,10 +38,10 @@ def demo(
     to: options.OutputUrls = (),
     no_view: options.NoView = False,
     out: Annotated[Path, options.folder("Folder for tables and images.")] = Path("out/demo"),
-    host: options.Host = "127.0.0.1",
+    host: options.Host = options.HOST,
     port: options.Port = 0,
     token: options.ViewToken = None,
-    max_clients: options.MaxClients = 16,
+    max_clients: options.MaxClients = options.MAX_CLIENTS,
 ) -> int:
     """Press a simulated sensor with several fingers, and estimate the contacts from its images.
 

@@ -37,10 +37,10 @@ def run(
     white_balance_K: options.WhiteBalanceK = None,
     no_mjpg: options.NoMjpg = False,
     no_view: options.NoView = False,
-    host: options.Host = "127.0.0.1",
+    host: options.Host = options.HOST,
     port: options.Port = 0,
     token: options.ViewToken = None,
-    max_clients: options.MaxClients = 16,
+    max_clients: options.MaxClients = options.MAX_CLIENTS,
 ) -> int:
     """Process a source live and print the contacts as they start and end.
 
@@ -79,8 +79,8 @@ def run(
             "--focus": focus,
             "--no-mjpg": no_mjpg,
             "--white-balance-K": white_balance_K,
-            "--host": host != "127.0.0.1",
-            "--max-clients": max_clients != 16,
+            "--host": host != options.HOST,
+            "--max-clients": max_clients != options.MAX_CLIENTS,
             "options of a method": interpolation.parameters("run", method) | paper.parameters("run", method),
         }
         return run_rig_file(

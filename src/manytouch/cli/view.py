@@ -24,10 +24,10 @@ def view(
     hfov_deg: options.HfovDeg = None,
     roi: options.RoiPx = None,
     fps: options.Fps = None,
-    host: options.Host = "127.0.0.1",
+    host: options.Host = options.HOST,
     port: options.Port = 0,
     token: options.ViewToken = None,
-    max_clients: options.MaxClients = 16,
+    max_clients: options.MaxClients = options.MAX_CLIENTS,
 ) -> int:
     """Play back a recording, a video or images in the viewer, with a timeline, until Ctrl-C.
 

@@ -1,5 +1,6 @@
 """Options, exit statuses, help, and errors of the command line."""
 
+import inspect
 import os
 import signal
 import subprocess
@@ -12,10 +13,11 @@ from cyclopts import App
 
 from manytouch.cli import COMMANDS, OPTIONS, main
 from manytouch.cli.application import application
-from manytouch.cli.terminal import method_options
+from manytouch.cli.terminal import method_options, options
 from manytouch.cli.terminal.interrupt import StopOnSignal
 from manytouch.errors import ManytouchError
 from manytouch.session.results import result_names
+from manytouch.sinks.viewer import Viewer
 from manytouch.values import Interpolation
 
 VERBS = ("demo", "run", "process", "view", "design", "simulate", "evaluate", "explain", "doctor")
@@ -65,6 +67,11 @@ def test_standard_output_on_a_full_disk_is_one_sentence(words, unbuffered):
         "manytouch: cannot print to standard output (No space left on device): free some space there, or "
         "send it elsewhere\n"
     )
+
+
+def test_the_viewer_has_the_defaults_of_its_options():
+    defaults = {name: each.default for name, each in inspect.signature(Viewer).parameters.items()}
+    assert (defaults["host"], defaults["max_clients"]) == (options.HOST, options.MAX_CLIENTS)
 
 
 def test_a_folder_of_pictures_keeps_its_whole_name(tmp_path: Path):

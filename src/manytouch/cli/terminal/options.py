@@ -173,6 +173,8 @@ OutputUrls = Annotated[
 WithSurface = Annotated[bool, switch("Also write depth maps, surface.zarr.")]
 Annotate = Annotated[bool, switch("Also write images with markers and contacts drawn in.")]
 NoView = Annotated[bool, switch("Do not start the viewer.")]
+HOST, MAX_CLIENTS = "127.0.0.1", 16
+"""Defaults of the viewer's options, equal to those of `Viewer`, whose import takes long."""
 Host = Annotated[
     str,
     Parameter(

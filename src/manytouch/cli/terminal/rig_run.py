@@ -7,6 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from manytouch.cli.terminal.failures import usage_error
+from manytouch.cli.terminal.options import HOST
 from manytouch.errors import ManytouchError
 from manytouch.rigs.rig_contact import RigContact
 from manytouch.values import Phase
@@ -100,7 +101,7 @@ def run_rig_file(
                 stop,
                 out=None if out is None else out / rig.name,
                 record=record,
-                viewer_host=None if page is None else "127.0.0.1",
+                viewer_host=None if page is None else HOST,
                 page_origin=None if page is None else page.origin,
                 on_states=shown.update,
             )

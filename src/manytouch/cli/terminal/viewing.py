@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from manytouch.cli.terminal.options import HOST, MAX_CLIENTS
 from manytouch.errors import MissingExtraError
 from manytouch.pipeline import Controls
 from manytouch.sinks.latest_only import LatestOnly
@@ -20,10 +21,10 @@ class ViewerAddress:
         host, port, token, max_clients: see `manytouch.sinks.viewer.Viewer`.
     """
 
-    host: str = "127.0.0.1"
+    host: str = HOST
     port: int = 0
     token: str | None = None
-    max_clients: int = 16
+    max_clients: int = MAX_CLIENTS
 
 
 def viewers(
