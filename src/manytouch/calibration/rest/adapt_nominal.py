@@ -25,7 +25,9 @@ and that of a calibrated sensor, whose thickness and outline are still those of 
 NOMINAL_NAME = " (nominal)"
 """End of the names of such sensors."""
 MOST_RESIDUAL = 0.15
-"""If the RMS residual of the fitted pose is larger, in pitches, the file describes another kind of sensor."""
+"""If the RMS residual of the fitted pose is larger, in pitches, the file describes another kind of sensor. A
+choice: no residuals of sensors of that kind and of others are recorded, so that the range in which it
+separates them is not known."""
 _ADVICE = ": give the file of this sensor, calibrate one (manytouch calibrate rest), or leave the file out"
 _SAME_PITCH = 0.12
 """If the logarithm of the ratio of the found to the expected pitch in the image is larger, the device has

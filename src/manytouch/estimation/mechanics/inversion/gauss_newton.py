@@ -123,7 +123,9 @@ class GaussNewton:
         max_information_change: such a step is tried if the information of the markers changed by at most this
             share.
         poor_chi2: above it the iteration goes on up to `max_steps_if_poor` steps, as long as each step
-            reduces it by more than `min_gain` of the remaining chi2.
+            reduces it by more than `min_gain` of the remaining chi2. A choice, without a recorded
+            comparison of values: residuals of twice their deviations, so that it relies on deviations of the
+            markers that hold within a factor of two.
         failed_chi2: above it the fit has failed, and the shape of the previous frame is kept.
         min_gain: see `poor_chi2`.
         max_steps: full steps of a frame whose chi2 is not poor.
