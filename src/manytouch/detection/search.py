@@ -116,7 +116,7 @@ class DotSearch:
         """Dots of a frame.
 
         `expected_px` (m, 2) limits the search to windows around these positions; None searches the whole
-        image. A frame without an image has the status `DECODE_ERROR`; an image that has another shape than
+        image. A frame without an image has the status `DECODE_ERROR`; an image that has another size than
         the first good one, or that is smaller than `SMALLEST_IMAGE_PX` within the region of interest, has
         `WRONG_SIZE`.
         """
@@ -125,7 +125,7 @@ class DotSearch:
         scale = state.level_scale if state.level_scale is not None else level_scale(frame.image)
         if state.level_scale is None:
             state = replace(state, level_scale=scale)
-        if state.reference is not None and state.reference.shape != frame.image.shape:
+        if state.reference is not None and state.reference.shape[:2] != frame.image.shape[:2]:
             return state, no_detections(Status.WRONG_SIZE)
         image, corner = crop(frame.image, self.roi_px)
         if min(image.shape[:2]) < SMALLEST_IMAGE_PX:

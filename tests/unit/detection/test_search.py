@@ -146,6 +146,19 @@ def test_16_bit_gives_the_same_dots() -> None:
     assert np.median(found.contrast) == pytest.approx(160.0, rel=0.15)
 
 
+@pytest.mark.parametrize("is_grey_first", [True, False])
+def test_images_may_change_between_grey_and_colour(is_grey_first: bool) -> None:
+    centre_px, search = lattice(), DotSearch()
+    grey = render(centre_px, 8.0, LOOKS["light"])
+    images = [grey, np.repeat(grey[:, :, None], 3, axis=2)]
+    state = search.start(sensor(centre_px, 8.0))
+    for image in images if is_grey_first else images[::-1]:
+        for expected_px in (None, centre_px):
+            state, found = search.step(state, frame(image), expected_px)
+            assert found.status == "ok"
+            assert_all_once(found.centre_px, centre_px)
+
+
 def test_bad_images_have_a_status() -> None:
     centre_px, search = lattice(), DotSearch()
     state, _ = search.step(
@@ -153,7 +166,8 @@ def test_bad_images_have_a_status() -> None:
     )
     assert search.step(state, frame(None), None)[1].status == "decode_error"
     assert search.step(state, frame(np.zeros((20, 30), np.uint8)), None)[1].status == "wrong_size"
-    assert search.step(state, frame(np.zeros((HEIGHT, WIDTH, 3), np.uint8)), None)[1].status == "wrong_size"
+    assert search.step(state, frame(np.zeros((HEIGHT, WIDTH, 3), np.uint8)), None)[1].status == "dark"
+    assert search.step(state, frame(np.zeros((20, 30, 3), np.uint8)), None)[1].status == "wrong_size"
     outside = DotSearch(roi_px=Roi(WIDTH - 4, 0, 300, 220))
     assert outside.step(state, frame(render(centre_px, 8.0, LOOKS["light"])), None)[1].status == "wrong_size"
     assert search.step(state, frame(np.zeros((HEIGHT, WIDTH), np.uint8)), None)[1].status == "dark"
