@@ -15,6 +15,7 @@ from types import TracebackType
 from manytouch.errors import OutputError
 from manytouch.sinks.files.atomic_output import flush, output_errors, remove
 from manytouch.sinks.files.folder_lock import FolderInUseError, FolderLock
+from manytouch.sinks.files.reserved_space import is_released, release, reserve, reserved_bytes
 from manytouch.values import Reading
 
 PARTIAL, OLD = "partial", "old"
@@ -24,6 +25,9 @@ END_BYTES, END_SHARE = 8 * 2**20, 0.01
 """What completing the files of a session takes at most, as a constant and a share of what is written: the
 last row groups of the tables, of which that of the regions is the largest (8192 outlines of 48 points, 0.5 kB
 each, 4 MB), and the lists of row groups (by estimate 1 kB per group of 1 MB)."""
+_ENDED = (
+    "the session has ended, and the folder has its results up to here; free space, or choose another disk"
+)
 CHECK_INTERVAL = 30  # readings; a choice: a second of most cameras
 
 
@@ -159,7 +163,11 @@ class NearlyFullError(OutputError):
 
 
 class RoomCheck:
-    """A sink that ends a session while its files can still be completed, as a session cannot be repeated."""
+    """A sink that ends a session while its files can still be completed, as a session cannot be repeated.
+
+    It does so where the disk is nearly full, and where a write has taken the space that is reserved in the
+    folder, since the free space of the disk does not show a quota, or errors of the disk.
+    """
 
     def __init__(self, folder: ResultFolder) -> None:
         """Check the room at the beginning.
@@ -178,20 +186,29 @@ class RoomCheck:
                 f"{_megabytes(END_BYTES)} are kept for the end of the files; free some space, or choose "
                 "another disk"
             )
+        with output_errors(folder.path):
+            reserve(folder.partial_path, END_BYTES)
 
     def write(self, reading: Reading) -> None:
         """Count a reading; check the room after some.
 
         Raises:
-            NearlyFullError: the disk is nearly full.
+            NearlyFullError: the disk is nearly full, or a write has failed and was repeated.
             OutputError: the folder was removed.
         """
         self._readings += 1
-        if self._readings % CHECK_INTERVAL == 0:
+        is_written_with_reserve = is_released(self._folder.partial_path)
+        if is_written_with_reserve or self._readings % CHECK_INTERVAL == 0:
             self._check()
+        if is_written_with_reserve:
+            raise NearlyFullError(
+                f"a write to {self._folder.path} failed, as its disk or a quota is full, or the disk has "
+                f"errors: {_ENDED}"
+            )
 
     def close(self) -> None:
-        """Nothing to do."""
+        """Give up the reserved space: the files are complete, except for what `ResultFiles` adds."""
+        release(self._folder.partial_path)
 
     def _check(self) -> None:
         partial, path = self._folder.partial_path, self._folder.path
@@ -204,13 +221,14 @@ class RoomCheck:
             ) from error
         except OSError:
             return  # unknown here; a failing write ends the session
-        kept_bytes = END_BYTES + int(END_SHARE * folder_bytes(partial))
+        kept_bytes = END_BYTES + int(END_SHARE * (folder_bytes(partial) - reserved_bytes(partial)))
         if free_bytes < kept_bytes:
             raise NearlyFullError(
                 f"the disk of {path} is nearly full ({_megabytes(free_bytes)} are left, and "
-                f"{_megabytes(kept_bytes)} are kept for the end of the files): the session has ended, and "
-                "the folder has its results up to here; free some space, or choose another disk"
+                f"{_megabytes(kept_bytes)} are kept for the end of the files): {_ENDED}"
             )
+        with suppress(OSError):  # a failing write ends the session
+            reserve(partial, kept_bytes)
 
 
 def _megabytes(count: int) -> str:

@@ -6,6 +6,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from manytouch.sinks.files.atomic_output import output_errors
+from manytouch.sinks.files.reserved_space import create_binary
 
 
 class RowGroupWriter:
@@ -26,7 +27,7 @@ class RowGroupWriter:
         self._path = path
         with output_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("wb")
+            self._file = create_binary(path)
             self._writer = pq.ParquetWriter(
                 self._file, schema, compression="zstd", use_dictionary=use_dictionary
             )

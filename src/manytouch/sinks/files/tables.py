@@ -14,6 +14,7 @@ import pyarrow as pa
 
 from manytouch.sinks.files.arrow_columns import arrow_column
 from manytouch.sinks.files.atomic_output import output_errors
+from manytouch.sinks.files.reserved_space import create_text
 from manytouch.sinks.files.row_group_writer import RowGroupWriter
 from manytouch.sinks.files.sensor_description import layout_of
 from manytouch.values import Contact, LengthUnit, Reading, Sensor
@@ -99,7 +100,7 @@ class _CsvTable:
         self._path = path
         with output_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("w", newline="", encoding="utf-8")
+            self._file = create_text(path)
             self._writer = csv.writer(self._file, lineterminator="\n")
             self._writer.writerow(columns)
 
