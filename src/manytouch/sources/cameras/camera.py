@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 from manytouch.errors import SourceError, without_password
 from manytouch.sources.cameras.capture import CameraRequest, Capture, CapturedImage, open_camera
-from manytouch.sources.cameras.stream import open_stream
+from manytouch.sources.cameras.stream import open_stream, refusal_of
 from manytouch.sources.encoded import decoded
 from manytouch.sources.source import Capabilities
 from manytouch.values import Frame, Setting
@@ -264,7 +264,10 @@ def camera_source(text: str, request: CameraRequest | None = None) -> CameraSour
 def _not_opened(text: str) -> str:
     shown = without_password(text)
     if "://" in text:
-        return f"The stream {shown!r} does not open: check the address, and that a browser or VLC shows it."
+        refusal = refusal_of(text)
+        reason = f" ({refusal})" if refusal else ""
+        remedy = "check the address, and that a browser or VLC shows it"
+        return f"The stream {shown!r} does not open{reason}: {remedy}."
     return (
         f"The camera {shown!r} does not open: check that it is connected, that no other program uses it and "
         "that this user may use it (on Linux: member of the group video); manytouch doctor lists the cameras."

@@ -123,3 +123,17 @@ def _time_ns(seconds: str | None) -> int | None:
         return None
     value = float(seconds)
     return round(value * 1e9) if math.isfinite(value) and value > 0 else None
+
+
+def refusal_of(url: str) -> str:
+    """With what a server refuses an address, such as "HTTP status 404 Not Found"; empty if not known."""
+    if not url.startswith(("http://", "https://")):
+        return ""
+    try:
+        urllib.request.urlopen(url, timeout=TIMEOUT_S).close()
+    except urllib.error.HTTPError as error:
+        error.close()
+        return f"HTTP status {error.code} {error.reason}".strip()
+    except (OSError, HTTPException, ValueError):
+        return ""
+    return ""

@@ -1,6 +1,8 @@
 """Cameras: settings in the right order, read back, frames copied, disconnected and connected again."""
 
+import http.server
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from itertools import islice
@@ -16,6 +18,7 @@ from manytouch.sources import open_source
 from manytouch.sources.cameras import camera as camera_module
 from manytouch.sources.cameras.camera import ArrivalClock, CameraSource
 from manytouch.sources.cameras.capture import CameraRequest, backends, open_camera
+from manytouch.sources.cameras.stream import refusal_of
 from manytouch.sources.source import Source
 from manytouch.values import Frame
 
@@ -358,9 +361,6 @@ class TestStream:
         assert after[-1].index - after[0].index <= 12
 
     def test_a_page_is_no_stream(self) -> None:
-        import http.server
-        import threading
-
         class Page(http.server.BaseHTTPRequestHandler):
             def do_GET(self) -> None:
                 self.send_response(200)
@@ -380,3 +380,28 @@ class TestStream:
             finally:
                 server.shutdown()
                 thread.join()
+
+
+@pytest.mark.parametrize(
+    ("path", "refusal"),
+    [("none", "HTTP status 404 Not Found"), ("private", "HTTP status 401 Unauthorized"), ("page", "")],
+)
+def test_the_status_with_which_a_server_refuses_an_address_is_stated(path: str, refusal: str) -> None:
+    class Page(http.server.BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response({"none": 404, "private": 401}.get(self.path.strip("/"), 200))
+            self.end_headers()
+
+        def log_message(self, *args: object) -> None:
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Page) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        address = f"http://127.0.0.1:{server.server_port}/{path}"
+        assert refusal_of(address) == refusal
+        reason = rf" \({refusal}\)" if refusal else ""
+        with pytest.raises(SourceError, match=rf"does not open{reason}: check the address"):
+            open_source(address)
+        server.shutdown()
+    assert refusal_of(address) == "", "nothing answers"
+    assert refusal_of("rtsp://127.0.0.1/x") == ""
