@@ -1,7 +1,8 @@
 """Files of results whose writing can be completed when their disk takes no more.
 
-The free space of a disk does not show the quota of a user. A file of zeros in the folder of the results, the
-reserve, is removed when writing fails, and the write is repeated in the room of it.
+The free space of a disk does not show the quota of a user. A file in the folder of the results, the reserve,
+is removed when writing fails, and the write is repeated in the room of it. It has random bytes, since some
+file systems store zeros in no space. What a network disk refuses only when a file is flushed is not repeated.
 """
 
 import errno
@@ -13,7 +14,7 @@ from typing import Any
 RESERVE_NAME = ".reserve"
 NO_MORE = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 """Errors of a write that may succeed once there is room, or when it is repeated."""
-_BLOCK = bytes(1 << 20)
+_BLOCK_BYTES = 1 << 20
 
 
 def reserve(folder: Path, size: int) -> None:
@@ -25,7 +26,7 @@ def reserve(folder: Path, size: int) -> None:
     path = folder / RESERVE_NAME
     with path.open("ab", buffering=0) as file:
         while (missing := size - file.tell()) > 0:
-            file.write(_BLOCK[:missing])
+            file.write(os.urandom(min(missing, _BLOCK_BYTES)))
 
 
 def release(folder: Path) -> bool:
