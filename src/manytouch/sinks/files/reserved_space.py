@@ -15,6 +15,7 @@ RESERVE_NAME = ".reserve"
 NO_MORE = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 """Errors of a write that may succeed once there is room, or when it is repeated."""
 _BLOCK_BYTES = 1 << 20
+_BUFFER_BYTES = 4096  # a block of most file systems, as `open` takes: rows of a table reach the disk as soon
 
 
 def reserve(folder: Path, size: int) -> None:
@@ -51,7 +52,7 @@ def is_released(folder: Path) -> bool:
 
 def create_binary(path: Path) -> BufferedWriter:
     """Create a file of results, or empty one."""
-    return BufferedWriter(_RepeatingFile(path, "w"))
+    return BufferedWriter(_RepeatingFile(path, "w"), _BUFFER_BYTES)
 
 
 def create_text(path: Path) -> TextIOWrapper:
