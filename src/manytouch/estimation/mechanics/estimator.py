@@ -141,6 +141,7 @@ class MechanicsEstimator:
             shape=shape,
             posterior=None,
             posterior_frames=0,
+            posterior_worst_chi2=0.0,
             pretension=pretension,
             variants=sheet_variants(model, sheet),
             response=None,
@@ -265,6 +266,7 @@ class MechanicsEstimator:
             self.marker_noise.noise_ratio(grid, state.model_std_px),
             posterior=state.posterior,
             posterior_frames=state.posterior_frames,
+            posterior_worst_chi2=state.posterior_worst_chi2,
         )
 
     def information(self, state: MechanicsState, grid: TrackedGrid, measured_px: Points2) -> Covariances2:

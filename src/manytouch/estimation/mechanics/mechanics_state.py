@@ -38,6 +38,7 @@ class MechanicsState:
         shape: of the previous frame.
         posterior: of the last frame with a full or a reweighted step; None before the first.
         posterior_frames: number of frames since then.
+        posterior_worst_chi2: `Fit.worst_chi2` of the last full step.
         pretension: of the sheet.
         variants: the sheet with one of its other parameters changed, for each of them.
         response: how the result of the last full step depends on pretension and other parameters; None before
@@ -62,6 +63,7 @@ class MechanicsState:
     shape: SheetShape
     posterior: Posterior | None
     posterior_frames: int
+    posterior_worst_chi2: float
     pretension: PretensionEstimate
     variants: tuple[SheetVariant, ...]
     response: ParameterResponse | None
@@ -80,7 +82,14 @@ class MechanicsState:
     def with_fit(self, fit: Fit) -> "MechanicsState":
         """The state after a fit."""
         frames = self.posterior_frames + 1 if fit.posterior is self.posterior else 0
-        return replace(self, shape=fit.shape, posterior=fit.posterior, posterior_frames=frames)
+        worst_chi2 = fit.worst_chi2 if fit.steps > 0 else self.posterior_worst_chi2
+        return replace(
+            self,
+            shape=fit.shape,
+            posterior=fit.posterior,
+            posterior_frames=frames,
+            posterior_worst_chi2=worst_chi2,
+        )
 
     def at_rest(self) -> "MechanicsState":
         """The state from which the next fit begins at rest.

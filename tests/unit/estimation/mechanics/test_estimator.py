@@ -250,6 +250,25 @@ def test_a_step_with_an_earlier_posterior_is_nearly_a_full_one(
     np.testing.assert_allclose(surface.displacement_mm, whole.displacement_mm, atol=0.15 * moved_mm)
 
 
+def test_a_marker_that_earlier_derivatives_leave_wrong_needs_a_full_step(
+    model: InversionModel, shape: np.ndarray
+) -> None:
+    state, _, _ = read([grid_of(model, shape, seed=k) for k in range(6)])
+    assert state.posterior is not None
+    grid = grid_of(model, shape, seed=9)
+    measured_px = np.array(grid.position_px - state.reference_px)
+    information = ESTIMATE.information(state, grid, measured_px)
+
+    def fit(moved_px: np.ndarray) -> int:
+        earlier = {"posterior": state.posterior, "posterior_frames": 1}
+        return ESTIMATE.gauss_newton(state.model, state.shape, moved_px, information, **earlier).steps
+
+    assert fit(measured_px) == 0
+    wrong = int(np.argmin(model.dots.displacement_mm(shape)[:, 2]))
+    measured_px[wrong, 0] += 15.0 / np.sqrt(information[wrong, 0, 0])
+    assert fit(measured_px) >= 1
+
+
 @pytest.mark.usefixtures("each_is_computed_again")
 def test_interleaved_states_give_the_same_bits_as_separate_ones(
     model: InversionModel, shape: np.ndarray

@@ -92,6 +92,7 @@ class Fit:
         residual_px: (m, 2) predicted minus measured displacements of the marker images.
         balance_mm2: (n, 3) tangential and normal nodal forces over E.
         chi2: mean square of the residuals over their deviation, of the markers with weight.
+        worst_chi2: the same of the marker where it is largest.
         steps: number of full steps; 0 if steps with the derivatives of an earlier frame were sufficient.
         status: `OK` or `NOT_CONVERGED`.
     """
@@ -101,6 +102,7 @@ class Fit:
     residual_px: Points2
     balance_mm2: Nodal
     chi2: float
+    worst_chi2: float
     steps: int
     status: Status
 
@@ -126,6 +128,10 @@ class GaussNewton:
             reduces it by more than `min_gain` of the remaining chi2. A choice, without a recorded
             comparison of values: residuals of twice their deviations, so that it relies on deviations of the
             markers that hold within a factor of two.
+        max_worst_growth: a step with the derivatives of an earlier frame is not sufficient if it leaves a
+            marker a chi2 of more than this times the largest after the last full step, or times `poor_chi2`
+            if that is more: the weights of the forces keep an object that slides where it was. Compared were
+            1.5, 2, 3 and 4.
         failed_chi2: above it the fit has failed, and the shape of the previous frame is kept.
         min_gain: see `poor_chi2`.
         max_steps: full steps of a frame whose chi2 is not poor.
@@ -149,6 +155,7 @@ class GaussNewton:
     max_posterior_frames: int = 3
     max_information_change: float = 0.1
     poor_chi2: float = 4.0
+    max_worst_growth: float = 1.5
     failed_chi2: float = 400.0
     min_gain: float = 0.3
     max_steps: int = 2
@@ -170,6 +177,7 @@ class GaussNewton:
         *,
         posterior: Posterior | None = None,
         posterior_frames: int = 0,
+        posterior_worst_chi2: float = 0.0,
     ) -> Fit:
         """Fits the shape to one frame.
 
@@ -183,6 +191,7 @@ class GaussNewton:
                 absence.
             posterior: of an earlier frame; the first step is taken with it.
             posterior_frames: number of frames since then.
+            posterior_worst_chi2: that of the last full step.
         """
         here = _Iterate.at(model, start, measured_px, information)
         if posterior is not None:
@@ -190,15 +199,19 @@ class GaussNewton:
             if there is not None:
                 here = there
                 share = self.convergence_share if posterior_frames < self.max_posterior_frames else 0.0
-                before_mm2 = posterior.weighed_mm2
-                if here.chi2 <= self.poor_chi2 and self._is_converged(
-                    model, before_mm2, here.shape.force_mm2, share
+                most_chi2 = self.max_worst_growth * max(posterior_worst_chi2, self.poor_chi2)
+                if (
+                    here.chi2 <= self.poor_chi2
+                    and self._is_converged(model, posterior.weighed_mm2, here.shape.force_mm2, share)
+                    and here.worst_chi2 <= most_chi2
                 ):
                     return _fit(here, posterior, steps=0)
                 if here.chi2 <= self.poor_chi2 and posterior.reweightings < self.max_reweightings:
                     reweighted = self._reweighted_step(model, posterior, here, noise)
                     if reweighted is not None:
-                        return _fit(*reweighted, steps=0)
+                        here, posterior = reweighted
+                        if here.worst_chi2 <= most_chi2:
+                            return _fit(here, posterior, steps=0)
         return self._iterate(model, start, here, noise)
 
     def _iterate(self, model: InversionModel, start: SheetShape, here: "_Iterate", noise: float) -> Fit:
@@ -309,6 +322,7 @@ class _Iterate:
         shape, measured_px, information: see `GaussNewton.__call__`.
         residual_px: (m, 2) predicted minus measured displacements of the marker images.
         misfit: sum of the weighted squared residuals.
+        worst_chi2: as in `Fit`.
         balance_mm2: (n, 3) as in `Fit`.
     """
 
@@ -317,6 +331,7 @@ class _Iterate:
     information: Covariances2
     residual_px: Points2
     misfit: float
+    worst_chi2: float
     balance_mm2: Nodal
 
     @staticmethod
@@ -325,12 +340,14 @@ class _Iterate:
     ) -> "_Iterate":
         residual_px = np.asarray(shape.displacement_px - measured_px)
         pull = np.einsum("mij,mj->mi", information, residual_px)
+        misfit = (residual_px * pull).sum(axis=1)
         return _Iterate(
             shape=shape,
             measured_px=measured_px,
             information=information,
             residual_px=residual_px,
-            misfit=float((residual_px * pull).sum()),
+            misfit=float(misfit.sum()),
+            worst_chi2=0.5 * float(misfit.max(initial=0.0)),
             balance_mm2=balance(model, shape.coefficient_mm, shape.force_mm2),
         )
 
@@ -353,6 +370,7 @@ def _fit(here: _Iterate, posterior: Posterior, *, steps: int, status: Status = S
         residual_px=here.residual_px,
         balance_mm2=here.balance_mm2,
         chi2=here.chi2,
+        worst_chi2=here.worst_chi2,
         steps=steps,
         status=status,
     )
