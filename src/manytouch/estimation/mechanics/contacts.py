@@ -60,9 +60,6 @@ class ModelError:
             e times as much one thickness nearer, like `position_clamp`.
         shear_share, own_shear_share: standard deviation of the shear force along each axis, over the normal
             force and over the shear force.
-        sheet_shear_share: standard deviation of the shear force along each axis, over the deviation of the
-            normal force by the parameters of the sheet. Wrong ones are compensated by forces in all
-            directions. It was fitted to the varied cases with drawn sensor files.
         friction: standard deviation of the ratio of shear to normal force; smaller ratios hardly move a
             centre, and those on an assumed sheet do not.
         area_share: standard deviation of the area of the region, over that area.
@@ -81,7 +78,6 @@ class ModelError:
     force_clamp: float = 0.1
     shear_share: float = 0.03
     own_shear_share: float = 0.15
-    sheet_shear_share: float = 0.4
     friction: float = 0.07
     area_share: float = 0.15
     area_force: float = 0.4

@@ -59,12 +59,10 @@ class PatchImages:
     Attributes:
         nodal: (s, DISTRIBUTION_COUNT, nx, ny) nodal forces of the pressure with unit force.
         column: (s, LOAD_COUNT, 2 m) marker images by unit loads.
-        scale_mm2: (s,) what the torque is divided by.
     """
 
     nodal: Float64[np.ndarray, "s 3 nx ny"]
     column: Float64[np.ndarray, "s 5 r"]
-    scale_mm2: Scalars
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -277,7 +275,7 @@ class PatchFitter:
         by_x, by_y = ((load @ axis).reshape(count, DISTRIBUTION_COUNT, rows) for axis in (x, y))
         column += _unit_loads(by_x, by_y, load[::DISTRIBUTION_COUNT] @ z, arms)
         column[:, 3] /= scale_mm2[:, None]
-        return PatchImages(nodal=nodal, column=column, scale_mm2=scale_mm2)
+        return PatchImages(nodal=nodal, column=column)
 
     def _common_std(self, parameters: int) -> Scalars:
         """Standard deviations of the motion of the image and of the parameters of the pad."""
