@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 
 from manytouch.errors import SensorError
 from manytouch.values import Contact, Contacts, Phase, Sensor, Status
-from manytouch.values.arrays import Mask, Points2
+from manytouch.values.arrays import Counts, Mask, Points2
 
 _UNUSABLE_FRAMES = 10  # a choice: a frame that is not ok is no evidence that a contact has ended
 
@@ -51,6 +51,11 @@ class ContactTrackerState:
     def touching(self) -> tuple[Contact, ...]:
         """The confirmed contacts of the last frame."""
         return tuple(track.contact for track in self.tracks if track.contact.id >= 0)
+
+    @property
+    def touching_frames(self) -> Counts:
+        """(k,) number of frames that showed each of these."""
+        return np.array([track.seen for track in self.tracks if track.contact.id >= 0], dtype=np.int64)
 
 
 State = TypeVar("State")

@@ -1,9 +1,8 @@
 """The method `mechanics`: depth, contacts and forces from one inversion of the sheet's mechanics.
 
 `GaussNewton` fits the shape of the sheet that explains the marker images with few, compressive forces. Depth
-is evaluated on the shape, contacts are clusters of its nodal forces (`force_clusters`), standard deviations
-come from the posterior of the last step and the model's error. Frames that the sheet does not describe have
-the surface and the contacts of `perimeter` (`undescribed_frames`).
+is that of the shape, contacts are clusters of its nodal forces, standard deviations come from the last step
+and the error of the model. What the sheet does not describe is estimated by `perimeter`.
 """
 
 from dataclasses import dataclass, field, replace
@@ -190,7 +189,13 @@ class MechanicsEstimator:
         clusters = self._clusters(state, fit, forces, noise=noise)
         shape = forces.unbiased_shape(clusters.fitted_mm2)
         clusters = self.rigid_faces(
-            model, shape.coefficient_mm, clusters, forces.evidence, state.touching_mm, earlier=state.previous
+            model,
+            shape.coefficient_mm,
+            clusters,
+            forces.evidence,
+            state.touching_mm,
+            previous_frames=state.tracks.touching_frames,
+            earlier=state.previous,
         )
         clusters, significance = self.contact_rules.certain(model, clusters, fit, state.response)
         friction = self.friction_fits(fit, clusters, shape.force_mm2)

@@ -282,3 +282,14 @@ def cluster_moments(nodes: ForceNodes, force_mm2: Nodal, label: Int64[np.ndarray
         spread_mm2=spread,
         label=label,
     )
+
+
+def nearest_within(
+    centre_mm: Points2, place_mm: Float64[np.ndarray, "p 2"], reach_mm: float
+) -> Int64[np.ndarray, " c"]:
+    """(c,) number of the place nearest to each centre, or -1 if it is too far."""
+    if len(place_mm) == 0:
+        return np.full(len(centre_mm), -1, dtype=np.int64)
+    away_mm = np.linalg.norm(centre_mm[:, None] - place_mm, axis=2)
+    nearest = away_mm.argmin(axis=1)
+    return np.where(away_mm.min(axis=1) <= reach_mm, nearest, -1).astype(np.int64)

@@ -5,8 +5,10 @@ between them. Between two objects on a taut sheet it is less deep. On a slack sh
 contact reaches another one, it need not be, so that this condition is necessary but not sufficient. In
 addition, clusters that fulfil it are joined
 
-- if there are four or more, or three in a row, and their depths are on one plane, unless two of them were
-  contacts in the previous frame;
+- if there are four or more, and their depths are on one plane, unless two of them have been contacts for some
+  frames;
+- if there are three in a row whose depths are on one line, unless two of them were contacts in the previous
+  frame;
 - if there are two, and a bar explains the markers as well as two patches do (`bars`);
 - if there are two that are not near each other, or three that are not in a row, and they began together and
   are about as deep and as strong: a face that presses with its ends only is the same load as two balls;
@@ -23,7 +25,11 @@ from scipy.sparse.csgraph import connected_components
 
 from manytouch.estimation.mechanics.clusters.bars import BarRule
 from manytouch.estimation.mechanics.clusters.evidence import EvidenceAt
-from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, EarlierClusters
+from manytouch.estimation.mechanics.clusters.force_clusters import (
+    Clusters,
+    EarlierClusters,
+    nearest_within,
+)
 from manytouch.estimation.mechanics.clusters.joined_clusters import join_clusters, joint_moments, rectangle
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
@@ -49,6 +55,7 @@ class _Frame:
         clusters: before any are joined.
         depth_mm: (c,) depth of the sheet at their centres.
         was_apart: (c, c) pairs that were two contacts in the previous frame.
+        was_long_apart: (c, c) those of them that have been for more than `RigidFaces.undecided_frames`.
         previous_mm: (p, 2) centres of the contacts of the previous frame.
         evidence_at: gives the likelihood of the forces of some nodes.
     """
@@ -57,6 +64,7 @@ class _Frame:
     clusters: Clusters
     depth_mm: Scalars
     was_apart: Pairs
+    was_long_apart: Pairs
     previous_mm: Float64[np.ndarray, "p 2"]
     evidence_at: EvidenceAt
 
@@ -77,6 +85,9 @@ class RigidFaces:
             begin as one contact, and blocks and cylinders that come to press with ends 3.4 to 4.0 apart.
         min_pair_elements: least distance of two or three clusters that began together, in elements; nearer
             ones are joined only if they continue one contact.
+        undecided_frames: four clusters or more may be one face as long as no two of them were contacts, one
+            for more than so many frames: the corners of a face need not be seen in the same frame. Compared
+            were 0, 3, 5 and 8.
         same_centre_pitch: clusters continue a contact of the previous frame if the centre of their forces is
             within this distance of its centre, in pitches.
         unchanged_thickness: least distance of two clusters for `max_growth`. Two balls 2.0 thicknesses apart
@@ -104,6 +115,7 @@ class RigidFaces:
     resolved_thickness: float = 4.0
     kept_thickness: float = 3.2
     min_pair_elements: float = 4.5
+    undecided_frames: int = 3
     same_centre_pitch: float = 0.4
     unchanged_thickness: float = 2.3
     max_growth: float = 1.1
@@ -127,6 +139,7 @@ class RigidFaces:
         evidence_at: EvidenceAt,
         previous_mm: Float64[np.ndarray, "p 2"],
         *,
+        previous_frames: Int64[np.ndarray, " p"],
         earlier: EarlierClusters,
     ) -> Clusters:
         """The clusters with those of one face joined, the strongest first.
@@ -137,17 +150,21 @@ class RigidFaces:
             clusters: of this frame.
             evidence_at: gives the likelihood of the forces of some nodes.
             previous_mm: (p, 2) centres of the contacts of the previous frame.
+            previous_frames: (p,) number of frames that showed each of these.
             earlier: clusters of the previous frame.
         """
         if len(clusters) < 2:
             return clusters
         depth_mm, is_flat, is_about_flat = self._flat_pairs(model, coefficient_mm, clusters.centre_mm)
-        before = _nearest_within(clusters.centre_mm, previous_mm, self.reach_pitch * model.pitch_mm)
+        before = nearest_within(clusters.centre_mm, previous_mm, self.reach_pitch * model.pitch_mm)
+        was_apart = (before[:, None] >= 0) & (before >= 0) & (before[:, None] != before)
+        frames = np.append(previous_frames, 0)[before]
         frame = _Frame(
             model=model,
             clusters=clusters,
             depth_mm=depth_mm,
-            was_apart=(before[:, None] >= 0) & (before >= 0) & (before[:, None] != before),
+            was_apart=was_apart,
+            was_long_apart=was_apart & (np.maximum.outer(frames, frames) > self.undecided_frames),
             previous_mm=previous_mm,
             evidence_at=evidence_at,
         )
@@ -172,7 +189,8 @@ class RigidFaces:
         faces = []
         for group in _components(is_flat):
             for own in self._without_weak(frame.clusters, group, _PLANE - 1):
-                if not frame.was_apart[np.ix_(own, own)].any() and self._is_plane(frame, own):
+                apart = frame.was_apart if len(own) < _PLANE else frame.was_long_apart
+                if not apart[np.ix_(own, own)].any() and self._is_plane(frame, own):
                     faces.append(_with_enclosed(frame, own, group))
                     break
         return faces
@@ -377,14 +395,3 @@ def _components(is_joined: np.ndarray, least: int = 2) -> list[Int64[np.ndarray,
     groups, label = connected_components(csr_array(is_joined), directed=False)
     found = [np.flatnonzero(label == group) for group in range(groups)]
     return [own for own in found if len(own) >= least]
-
-
-def _nearest_within(
-    centre_mm: Points2, place_mm: Float64[np.ndarray, "p 2"], reach_mm: float
-) -> Int64[np.ndarray, " c"]:
-    """(c,) number of the place nearest to each centre, or -1 if it is too far."""
-    if len(place_mm) == 0:
-        return np.full(len(centre_mm), -1, dtype=np.int64)
-    away_mm = np.linalg.norm(centre_mm[:, None] - place_mm, axis=2)
-    nearest = away_mm.argmin(axis=1)
-    return np.where(away_mm.min(axis=1) <= reach_mm, nearest, -1).astype(np.int64)

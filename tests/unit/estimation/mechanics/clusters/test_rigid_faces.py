@@ -66,6 +66,7 @@ def joined(
     force_mm2: list[float],
     previous_mm: np.ndarray = NO_CONTACT,
     *,
+    previous_frames: int = 9,
     earlier: EarlierClusters = NO_CLUSTERS,
     evidence: Evidence | None = None,
     faces: RigidFaces = FACES,
@@ -84,6 +85,7 @@ def joined(
         cluster_moments(model.nodes, nodal_mm2, label),
         lambda node: evidence,
         previous_mm,
+        previous_frames=np.full(len(previous_mm), previous_frames),
         earlier=earlier,
     )
 
@@ -138,13 +140,23 @@ def test_four_forces_in_a_row_are_one_bar_if_the_sheet_is_flat_under_them(
     assert len(found) == (1 if len(set(depths_mm)) == 1 else 4)
 
 
-@pytest.mark.parametrize(("before", "count"), [((), 1), ((0,), 1), ((0, 3), 4)])
-def test_four_forces_on_a_plane_are_one_face_unless_two_of_them_were_apart(
-    before: tuple[int, ...], count: int
+@pytest.mark.parametrize(
+    ("before", "frames", "count"), [((), 9, 1), ((0,), 9, 1), ((0, 3), 4, 4), ((0, 3), 3, 1)]
+)
+def test_four_forces_on_a_plane_are_one_face_unless_two_of_them_have_been_apart(
+    before: tuple[int, ...], frames: int, count: int
 ) -> None:
     place_mm = np.array([[-10.0, -6.0], [10.0, -6.0], [10.0, 6.0], [-10.0, 6.0]])
-    found = joined(place_mm, [1.0] * 4, [0.01] * 4, place_mm[list(before)])
+    found = joined(place_mm, [1.0] * 4, [0.01] * 4, place_mm[list(before)], previous_frames=frames)
     assert len(found) == count
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_fewer_forces_that_were_apart_stay_apart(count: int) -> None:
+    place_mm = row_mm(14.0, count)
+    found = joined(place_mm, [1.0] * count, [0.01] * count, place_mm, previous_frames=1)
+    assert len(found) == count
+    assert len(joined(place_mm, [1.0] * count, [0.01] * count)) == 1
 
 
 @pytest.mark.parametrize(("force_mm2", "count"), [(0.002, 2), (0.008, 5)])
