@@ -16,6 +16,17 @@ and what to do.
 
 import re
 
+_USER = re.compile(r"(?<=://)[^/?#\n]*@")
+_UNCODED_USER = re.compile(r"(?<=://)[^\s/?#:@\[\]]*:(?!\d*(?:[/?#,\s'\"]|$))\S*@")
+"""User and password with a /, ? or # that is not written as %2F, %3F or %23: no port follows the colon."""
+_ADDRESS = re.compile(r"(?<=://)\S+")
+_SECRET = re.compile(
+    r"(?i)((?<![a-z0-9])(?:pass|passwd|password|passphrase|pwd|psw|pw|pin|loginpas|token|secret|sig|signature|"
+    r"key|apikey|auth|credential)=)(?!&|$)(?:(?!&|#|_[a-z]+=|,\w+://|['\"]).)+"
+)
+"""A parameter of an address, by names that network cameras and stores of objects use; its value ends before
+the next one, which some cameras separate by _, or the next address."""
+
 
 class ManytouchError(Exception):
     """Base of all errors that users can cause and correct; the message is one sentence."""
@@ -72,5 +83,9 @@ def require_type(what: str, value: object, types: type | tuple[type, ...], expec
 
 
 def without_password(text: str) -> str:
-    """A text whose addresses lack user and password, to be shown and stored."""
-    return re.sub(r"(?<=://)[^/?#\n]*@", "", text)
+    """A text whose addresses lack user and password, to be shown and stored.
+
+    Values of parameters that are named as passwords and keys are, such as `pwd`, are replaced by `***`.
+    """
+    without_user = _UNCODED_USER.sub("", _USER.sub("", text))
+    return _ADDRESS.sub(lambda address: _SECRET.sub(r"\1***", address[0]), without_user)

@@ -4,12 +4,16 @@ Nothing that takes long to import is used here, so that a command refuses a wron
 """
 
 import difflib
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from manytouch.errors import SourceError
+from manytouch.errors import SourceError, without_password
 
 VIEWS_PREFIX = "views:"
+_ADDRESS_AS_PATH = re.compile(
+    r"^([A-Za-z][A-Za-z0-9+.-]+):/+"
+)  # a path has no empty parts: of // one / is left
 
 
 def views_of(text: str) -> tuple[str, ...]:
@@ -69,6 +73,12 @@ def require_file(path: Path, what: str) -> None:
 
 def why_missing(text: str, path: Path) -> str:
     """The message for a path that does not exist."""
+    if _ADDRESS_AS_PATH.match(text):
+        address = without_password(_ADDRESS_AS_PATH.sub(r"\1://", text))
+        return (
+            f"{address!r} is an address, not a file: process a stream by manytouch run, and record it by its "
+            "option --record"
+        )
     parent = next(parent for parent in path.absolute().parents if parent.is_dir())
     if parent != path.absolute().parent:
         return f"There is no {text!r}, as the path exists up to the folder {str(parent)!r}: check the path."

@@ -201,6 +201,33 @@ def test_one_bad_input_does_not_stop_the_others(run: Run, tmp_path: Path, video:
     assert (tmp_path / "out" / "press" / "summary.json").is_file()
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("process", "--out", "out"),
+        ("batch", "--out", "out"),
+        ("doctor",),
+        ("view",),
+        ("recording", "check"),
+        ("run", "--no-view"),
+        ("export", "--parquet", "out"),
+    ],
+)
+def test_a_password_in_an_address_is_nowhere(run: Run, tmp_path: Path, words: tuple[str, ...]) -> None:
+    done = run(*words, "rtsp://me:secret@127.0.0.1:9/live?user=me&password=secret")
+    assert done.returncode == 1
+    assert "rtsp://127.0.0.1:9/live?user=me&password=***" in done.stderr
+    assert "secret" not in done.stdout + done.stderr
+    for path in tmp_path.rglob("*"):
+        assert path.is_dir() or b"secret" not in path.read_bytes(), path.name
+
+
+@pytest.mark.parametrize("words", [("view",), ("recording", "check")])
+def test_a_stream_in_place_of_a_file_is_one_sentence(run: Run, words: tuple[str, ...]) -> None:
+    done = run(*words, "rtsp://127.0.0.1:9/live")
+    refused(done, "'rtsp://127.0.0.1:9/live' is an address, not a file", "manytouch run", "--record")
+
+
 def test_a_camera_that_is_not_there(run: Run) -> None:
     refused(run("run", "97"), "camera", "does not open")
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from manytouch.batch.storage import Store
 from manytouch.batch.tasks import Outcome
+from manytouch.errors import without_password
 from manytouch.values.display.text import count_of
 
 COLUMNS = ("input", "sentence", "traceback")
@@ -26,7 +27,7 @@ def write_failures(store: Store, file: str, failed: Iterable[Outcome]) -> None:
             place = f"{TRACEBACKS}/{outcome.task.name}.txt"
             with store.new_file(place) as path:
                 path.write_text(outcome.traceback, encoding="utf-8")
-        rows.append((outcome.task.input, " ".join(outcome.reason.split()), place))
+        rows.append((without_password(outcome.task.input), " ".join(outcome.reason.split()), place))
     with store.new_file(file) as path:
         _write(path, rows)
 

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from manytouch.batch.completion import parse_summary
 from manytouch.batch.storage import SUMMARY, Store
 from manytouch.batch.tasks import Outcome
-from manytouch.errors import OutputError
+from manytouch.errors import OutputError, without_password
 from manytouch.sinks.files.row_group_writer import RowGroupWriter
 from manytouch.sinks.files.tables import contact_column_names
 
@@ -111,7 +111,7 @@ def _line(name: str, summary: Mapping[str, Any] | None, failed: Outcome | None) 
     found: dict[str, Any] = dict.fromkeys(RESULTS.names)
     found |= {"name": name, "state": "absent", "failure": None if failed is None else failed.reason}
     if failed is not None:
-        found["input"] = failed.task.input
+        found["input"] = without_password(failed.task.input)
     if summary is None:
         return found
     described, sensor, counts = (_mapping(summary, key) for key in ("input", "sensor", "counts"))

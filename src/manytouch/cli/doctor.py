@@ -6,6 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from manytouch.cli.terminal import options
+from manytouch.errors import without_password
 from manytouch.source_names import require_existing
 
 
@@ -40,7 +41,7 @@ def doctor(
     if first is not None:
         # has the kernels of detection and tracking, by which dots and layout are found, and few others
         warm_up_kernels("perimeter")
-        console.print(str(source), markup=False)
+        console.print(without_password(str(source)), markup=False)
         for line in chain((first,), found):
             console.print(f"  {line}", markup=False)
         console.print("\nthis installation", markup=False)

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from manytouch.cli.terminal import method_options, options
 from manytouch.cli.terminal.failures import report
-from manytouch.errors import SourceError
+from manytouch.errors import SourceError, without_password
 from manytouch.sinks.files.atomic_output import check_writable
 from manytouch.source_names import require_existing
 
@@ -71,7 +71,7 @@ def process(
             reporter = Reporter()
             try:
                 with reporter:
-                    reporter.print(text, heading=True)
+                    reporter.print(without_password(text), heading=True)
                     require_finite(text)
                     job = prepare(
                         text,

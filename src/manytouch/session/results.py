@@ -282,7 +282,7 @@ def result_name(text: str) -> str:
     query differ in its hash.
     """
     if "://" in text:
-        address, _, query = without_password(text).partition("://")[2].partition("?")
+        address, query = without_password(text).partition("://")[2].partition("?")[0], text.partition("?")[2]
         which = f"-{hashlib.sha256(query.encode()).hexdigest()[:8]}" if query else ""
         return _file_name(f"stream-{address.partition('#')[0].strip('/')}")[:LONGEST_NAME] + which
     if text.startswith("sim:"):

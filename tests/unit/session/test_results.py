@@ -439,6 +439,7 @@ def test_streams_that_differ_only_in_the_query_have_folders_of_their_own() -> No
     names = {result_name(f"http://cam/video.cgi?camera={number}&password=secret") for number in range(3)}
     assert len(names) == 3
     assert not any("secret" in name or "?" in name for name in names)
+    assert len({result_name(f"http://cam/video.cgi?key={number}") for number in range(3)}) == 3
 
 
 @pytest.mark.parametrize(("name", "folder"), [("finger.1", "finger.1"), ("left/tip", "left-tip")])
