@@ -9,10 +9,12 @@ from urllib.parse import urlsplit
 
 from manytouch.errors import SourceError, without_password
 from manytouch.sources.cameras.capture import CameraRequest, Capture, CapturedImage, open_camera
-from manytouch.sources.cameras.stream import open_stream, refusal_of
+from manytouch.sources.cameras.refusal import refusal_of, unreachable
+from manytouch.sources.cameras.stream import open_stream
 from manytouch.sources.encoded import decoded
 from manytouch.sources.source import Capabilities
 from manytouch.values import Frame, Setting
+from manytouch.values.arrays import Image
 
 WAITING = 3  # frames; a new one replaces the oldest
 RETRY_S = 0.5
@@ -50,8 +52,9 @@ class CameraSource:
         capture = open_capture()
         if capture is None:
             raise SourceError(_not_opened(text))
-        first = next((shot for _ in range(FIRST_TRIES) if (shot := capture.read()) is not None), None)
-        picture = None if first is None else decoded(self._frame(first, 0, 0), is_colour=False).image
+        picture = next(
+            (image for _ in range(FIRST_TRIES) if (image := self._image(capture)) is not None), None
+        )
         if picture is None:
             capture.release()
             raise SourceError(_without_image(text))
@@ -194,6 +197,11 @@ class CameraSource:
         self._append(shot)
         return capture
 
+    def _image(self, capture: Capture) -> Image | None:
+        """The next image, decoded; None when none came or it cannot be decoded."""
+        shot = capture.read()
+        return None if shot is None else decoded(self._frame(shot, 0, 0), is_colour=False).image
+
     def _append(self, shot: CapturedImage) -> None:
         arrived_ns = self._arrived_ns = time.monotonic_ns()
         frame = self._frame(shot, self._clock.at(shot.driver_ns, arrived_ns), arrived_ns)
@@ -264,7 +272,7 @@ def camera_source(text: str, request: CameraRequest | None = None) -> CameraSour
 def _not_opened(text: str) -> str:
     shown = without_password(text)
     if "://" in text:
-        refusal = refusal_of(text)
+        refusal = unreachable(text) or refusal_of(text)
         reason = f" ({refusal})" if refusal else ""
         remedy = "check the address, and that a browser or VLC shows it"
         return f"The stream {shown!r} does not open{reason}: {remedy}."

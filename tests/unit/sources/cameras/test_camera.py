@@ -1,10 +1,15 @@
 """Cameras: settings in the right order, read back, frames copied, disconnected and connected again."""
 
+import base64
+import contextlib
 import http.server
+import re
+import socket
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 
@@ -16,9 +21,10 @@ from cameras import MJPG, Driver, jpeg, number_of, numbered
 from manytouch.errors import SourceError
 from manytouch.sources import open_source
 from manytouch.sources.cameras import camera as camera_module
+from manytouch.sources.cameras import stream as stream_module
 from manytouch.sources.cameras.camera import ArrivalClock, CameraSource
-from manytouch.sources.cameras.capture import CameraRequest, backends, open_camera
-from manytouch.sources.cameras.stream import refusal_of
+from manytouch.sources.cameras.capture import CameraRequest, CapturedImage, backends, open_camera
+from manytouch.sources.cameras.refusal import refusal_of, unreachable
 from manytouch.sources.source import Source
 from manytouch.values import Frame
 
@@ -228,6 +234,25 @@ def test_a_camera_that_is_not_there_or_dark_is_one_sentence() -> None:
         CameraSource("0", Blind)
 
 
+def test_the_first_image_that_can_be_decoded_opens_a_camera() -> None:
+    whole = jpeg(numbered(7))
+    shots = iter([whole[: len(whole) // 2], b"", whole, whole])
+
+    class Beginning:
+        settings = ()
+
+        def read(self) -> CapturedImage | None:
+            encoded = next(shots)
+            return CapturedImage(image=None, encoded=encoded, driver_ns=None) if encoded else None
+
+        def release(self) -> None:
+            pass
+
+    source = CameraSource("0", Beginning)
+    assert (source.width_px, source.height_px) == (320, 240)
+    source.close()
+
+
 def test_frames_that_nobody_takes_make_room_for_newer_ones_but_reach_the_tap() -> None:
     plugged = Plugged()
     source = CameraSource("0", plugged)
@@ -405,3 +430,182 @@ def test_the_status_with_which_a_server_refuses_an_address_is_stated(path: str, 
         server.shutdown()
     assert refusal_of(address) == "", "nothing answers"
     assert refusal_of("rtsp://127.0.0.1/x") == ""
+
+
+Answer = Callable[[http.server.BaseHTTPRequestHandler], None]
+
+
+@contextmanager
+def web_camera(answer: Answer) -> Iterator[str]:
+    """The address, without "http://", of a server that answers each request with a function."""
+
+    class Camera(http.server.BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            with contextlib.suppress(OSError):
+                answer(self)
+
+        def log_message(self, *args: object) -> None:
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Camera) as server:
+        server.daemon_threads = True
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+def answered(handler: http.server.BaseHTTPRequestHandler, status: int = 200, **headers: str) -> None:
+    handler.send_response(status)
+    for name, value in headers.items():
+        handler.send_header(name.replace("_", "-"), value)
+    handler.end_headers()
+
+
+def begun(handler: http.server.BaseHTTPRequestHandler) -> None:
+    answered(handler, Content_Type="multipart/x-mixed-replace; boundary=x")
+
+
+def sent(handler: http.server.BaseHTTPRequestHandler, encoded: bytes, header: str = "") -> None:
+    head = f"--x\r\nContent-Length: {len(encoded)}\r\n{header}\r\n"
+    handler.wfile.write(head.encode() + encoded + b"\r\n")
+
+
+@pytest.mark.parametrize("scheme", ["Basic", "Digest"])
+def test_user_and_password_of_the_address_open_a_stream(scheme: str) -> None:
+    given: list[str] = []
+
+    def answer(handler: http.server.BaseHTTPRequestHandler) -> None:
+        authorization = handler.headers.get("Authorization", "")
+        if not authorization.startswith(scheme):
+            answered(handler, 401, WWW_Authenticate=f'{scheme} realm="cam", nonce="ab", qop="auth"')
+        elif handler.path == "/":
+            answered(handler, 302, Location="/video")
+        else:
+            given.append(authorization)
+            begun(handler)
+            for number in range(20):
+                sent(handler, jpeg(numbered(number)))
+
+    with web_camera(answer) as address:
+        source = open_source(f"http://me:se%2Fcret@{address}/")
+        source.close()
+        with pytest.raises(SourceError, match=r"does not open \(HTTP status 401 Unauthorized\)"):
+            open_source(f"http://{address}/")
+    (authorization,) = given
+    if scheme == "Basic":
+        assert base64.b64decode(authorization.removeprefix("Basic ")) == b"me:se/cret"
+    else:
+        assert 'username="me"' in authorization
+
+
+@pytest.mark.parametrize("header", ["12:30:01", "1e305", "nan", "-5", "9" * 5000])
+def test_a_time_of_the_server_that_is_none_costs_no_image(header: str) -> None:
+    def answer(handler: http.server.BaseHTTPRequestHandler) -> None:
+        begun(handler)
+        for number in range(100):
+            sent(handler, jpeg(numbered(number)), f"X-Timestamp: {header}\r\n" if number else "")
+            time.sleep(0.01)
+
+    with web_camera(answer) as address:
+        source = open_source(f"http://{address}/")
+        frames = taken(source, iter(source), 10)
+        source.close()
+    times_ns = [frame.timestamp_ns for frame in frames]
+    assert times_ns == sorted(set(times_ns))
+    assert times_ns[-1] < 10 * 10**9
+
+
+def _never_an_end(handler: http.server.BaseHTTPRequestHandler, data: bytes, pause_s: float) -> None:
+    begun(handler)
+    while True:
+        handler.wfile.write(data)
+        time.sleep(pause_s)
+
+
+@pytest.mark.parametrize(
+    ("data", "pause_s"),
+    [(b"--y\r\n\r\n" + bytes(2000), 0.001), (bytes(2**16), 0.0), (b"X-A: b\r\n", 0.01)],
+    ids=["another boundary", "no boundary", "headers without end"],
+)
+def test_a_stream_without_an_image_ends_after_some_seconds(
+    data: bytes, pause_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stream_module, "IMAGE_S", 0.3)
+    with (
+        web_camera(lambda handler: _never_an_end(handler, data, pause_s)) as address,
+        pytest.raises(SourceError, match="opens but gives no image that can be decoded"),
+    ):
+        open_source(f"http://{address}/")
+
+
+def test_what_a_server_says_is_not_printed() -> None:
+    def answer(handler: http.server.BaseHTTPRequestHandler) -> None:
+        if handler.path == "/status":
+            handler.wfile.write(b"HTTP/1.0 404 \x1b[2Jgone " + b"x" * 1000 + b"\r\n\r\n")
+        elif handler.path == "/loop":
+            answered(handler, 302, Location="/loop")
+        else:
+            answered(
+                handler, 200, Content_Type="text/html\x1b[2J" if handler.path == "/type" else "text/html"
+            )
+
+    with web_camera(answer) as address:
+        assert refusal_of(f"http://{address}/status") == "HTTP status 404 Not Found"
+        assert refusal_of(f"http://{address}/loop") == "HTTP status 302 Found"
+        assert refusal_of(f"http://{address}/type") == ""
+        assert refusal_of(f"http://{address}/page") == "the answer is of the type text/html"
+        with pytest.raises(SourceError, match=r"does not open \(the answer is of the type text/html\)"):
+            open_source(f"http://{address}/page")
+
+
+@pytest.mark.parametrize(
+    ("answer", "user", "refusal"),
+    [
+        ("RTSP/1.0 404 Not Found", "", "RTSP status 404 Not Found"),
+        ("RTSP/1.0 401 \x1b[2J", "", "RTSP status 401 Unauthorized"),
+        (
+            "RTSP/1.0 401 Unauthorized",
+            "me:secret@",
+            "the server requires user and password: these or the path",
+        ),
+        ("RTSP/1.0 454 Session", "", "RTSP status 454"),
+        ("RTSP/1.0 200 OK", "", ""),
+        ("SSH-2.0-x", "", ""),
+        ("", "", ""),
+    ],
+)
+def test_the_status_of_a_server_of_rtsp_is_stated(answer: str, user: str, refusal: str) -> None:
+    asked: list[bytes] = []
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            client, _ = server.accept()
+            with client:
+                asked.append(client.recv(4096))
+                client.sendall(answer.encode() + b"\r\nCSeq: 1\r\n\r\n" if answer else b"")
+
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        found = refusal_of(f"rtsp://{user}127.0.0.1:{server.getsockname()[1]}/cam?x=1")
+        thread.join()
+    assert found.startswith(refusal)
+    assert bool(found) == bool(refusal)
+    assert re.match(rb"DESCRIBE rtsp://127.0.0.1:\d+/cam\?x=1 RTSP/1.0\r\n", asked[0])
+
+
+def test_why_no_server_answers_is_stated() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        assert unreachable(f"rtsp://127.0.0.1:{port}/x") == ""
+    for scheme in ("rtsp", "http", "https", "rtmp"):
+        assert unreachable(f"{scheme}://me:secret@127.0.0.1:{port}/x") == (
+            f"no server answers at port {port} of 127.0.0.1: Connection refused"
+        )
+    assert unreachable("rtsp://no-such-host.invalid/x") == "the host no-such-host.invalid is not known"
+    for text in ("rtsp://me:se/cret@127.0.0.1/x", "http://127.0.0.1:99999/x", "rtsp://[::1/x", "http://"):
+        found = unreachable(text)
+        assert "se/cret" not in found
+        assert "%2F" in found
+    assert unreachable("udp://127.0.0.1:5000") == ""
+    with pytest.raises(SourceError, match=f"does not open \\(no server answers at port {port} of"):
+        open_source(f"rtsp://127.0.0.1:{port}/x")
