@@ -28,6 +28,7 @@ from manytouch.sinks.pictures.annotate import AnnotatedPictures
 from manytouch.sinks.pictures.surface_picture import SelectedFrames
 from manytouch.source_names import VIEWS_PREFIX, is_camera, split_topic, views_of
 from manytouch.sources import Source
+from manytouch.sources.files.images import late_images
 from manytouch.values import Roi, Sensor
 
 RESULTS = (
@@ -227,7 +228,7 @@ class ResultFiles:
             try:
                 for sink in self.sinks:
                     sink.close()  # again, or for the first time if the run has not begun
-                self.summary.add_warnings(self._session_warnings())
+                self.summary.add_warnings([*self._session_warnings(), *late_images(self._job.source)])
                 self.summary.save(
                     self.folder.partial_path,
                     is_complete=self.is_complete and error is None,

@@ -300,6 +300,24 @@ def test_the_earlier_result_stays_until_the_new_one_is_complete(tmp_path: Path) 
     assert len(watching.readings) == len(rows_of(folder / "frames.csv")) == 20
 
 
+@pytest.mark.parametrize("late", [0, 2])
+def test_images_that_came_after_the_list_was_read_are_stated(late: int, tmp_path: Path) -> None:
+    folder = tmp_path / "shots"
+    folder.mkdir()
+    for number in range(16):
+        cv2.imwrite(str(folder / f"{number}.png"), picture())
+    job = prepare(folder)
+    (folder / "notes.txt").write_text("no image")
+    for number in range(late):
+        shutil.copy(folder / "0.png", folder / f"late{number}.png")
+    files = process_job(job, tmp_path / "out")
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert files.is_complete
+    stated = [sentence for sentence in summary["warnings"] if "came into" in sentence]
+    expected = "the results lack 2 images that came into the folder shots after its files were listed"
+    assert [sentence.partition(":")[0] for sentence in stated] == [expected] * bool(late)
+
+
 def test_the_space_that_was_needed_is_stated(tmp_path: Path) -> None:
     class FullDisk(Seen):
         def write(self, reading: Reading) -> None:

@@ -11,9 +11,10 @@ from manytouch.errors import SourceError
 from manytouch.limits import MAX_IMAGE_BYTES
 from manytouch.sources.image_header import image_mistake
 from manytouch.sources.quiet_opencv import cv2
-from manytouch.sources.source import Capabilities, evenly_timed_ns
+from manytouch.sources.source import Capabilities, Source, evenly_timed_ns
 from manytouch.values import Frame
 from manytouch.values.arrays import Image, read_only
+from manytouch.values.display.text import count_of
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 
@@ -32,12 +33,14 @@ class ImagesSource:
         paths: the files, in order.
         fps: rate that the timestamps follow; None counts as 30 frames per second.
         first: the first image that can be decoded.
+        folder: whose images they are; None: a single image was given.
     """
 
     name: str
     paths: tuple[Path, ...]
     fps: float | None
     first: Image
+    folder: Path | None = None
 
     @property
     def frame_count(self) -> int:
@@ -87,7 +90,7 @@ def image_source(path: Path, fps: float | None) -> ImagesSource:
 
 def folder_source(folder: Path, fps: float | None) -> ImagesSource:
     """All images of a folder (not of folders in it), 2.png before 10.png."""
-    paths = tuple(sorted((path for path in folder.iterdir() if _is_image_name(path)), key=natural_key))
+    paths = _images_in(folder)
     if not paths:
         wanted = ", ".join(suffix[1:] for suffix in IMAGE_SUFFIXES)
         raise SourceError(
@@ -100,7 +103,28 @@ def folder_source(folder: Path, fps: float | None) -> ImagesSource:
             f"None of the {len(paths)} images in {str(folder)!r} can be decoded: "
             + ("check their files." if reason is None else f"{paths[0].name}: {reason}.")
         )
-    return ImagesSource(name=folder.resolve().name or "images", paths=paths, fps=fps, first=first)
+    name = folder.resolve().name or "images"
+    return ImagesSource(name=name, paths=paths, fps=fps, first=first, folder=folder)
+
+
+def late_images(source: Source) -> list[str]:
+    """A sentence if images came into the folder of a source after its files were listed; else nothing."""
+    if not isinstance(source, ImagesSource) or source.folder is None:
+        return []
+    try:
+        late = len(set(_images_in(source.folder)) - set(source.paths))
+    except OSError:
+        return []  # images that cannot be read have a status
+    if not late:
+        return []
+    return [
+        f"the results lack {count_of(late, 'image')} that came into the folder {source.name} after its files "
+        "were listed: process it again when it is complete"
+    ]
+
+
+def _images_in(folder: Path) -> tuple[Path, ...]:
+    return tuple(sorted((path for path in folder.iterdir() if _is_image_name(path)), key=natural_key))
 
 
 def read_image(path: Path, colour: int = cv2.IMREAD_ANYCOLOR) -> Image | None:
