@@ -577,7 +577,7 @@ def test_what_the_disk_is_too_slow_for_is_counted(tmp_path: Path, monkeypatch: p
     recorder.close()
     assert recorder.lost == 17
     assert recorder.frames == 3
-    assert "17 were lost" in (recorder.ended or "")
+    assert "17 were lost because encoding or the disk was too slow" in (recorder.ended or "")
 
 
 def test_a_timeline_is_scrubbed(recorded: tuple[Path, Seen, Live]) -> None:

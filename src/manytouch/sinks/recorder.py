@@ -37,7 +37,7 @@ class Recorder:
         path: the file.
         ended: None while recording, afterwards a sentence with the reason for the end.
         frames: number of recorded frames.
-        lost: number of frames that were not recorded, because the disk was too slow.
+        lost: number of frames that were not recorded, because encoding or the disk was too slow.
         repeated: number of recorded frames whose number is not larger than all before.
     """
 
@@ -229,7 +229,7 @@ class Recorder:
 
     def _set_ended(self, why: str) -> None:
         kept = f"{self.frames} frames were recorded"
-        lost = f", {self.lost} were lost because the disk was too slow" if self.lost else ""
+        lost = f", {self.lost} were lost because encoding or the disk was too slow" if self.lost else ""
         repeated = (
             f", {self.repeated} of them with numbers that are not larger than all before: of frames with one "
             "number only the first can be read"

@@ -82,7 +82,10 @@ class FoxglovePublisher:
                 name="manytouch", host=self._host, port=port, context=context
             )
         except Exception as error:
-            raise OutputError(f"{address.text!r} is not available ({error}): choose another port") from error
+            raise OutputError(
+                f"{address.text!r} is not available ({error}): choose another port, and as host an address "
+                "of this computer, such as 127.0.0.1 or 0.0.0.0"
+            ) from error
         self._epoch_ns: int | None = None
         self._next_mesh_s = self._next_static_s = 0.0
         self._mesh: _Mesh | None = None

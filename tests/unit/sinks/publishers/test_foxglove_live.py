@@ -145,3 +145,9 @@ def test_without_a_client_nothing_is_encoded(publisher, reading_of, monkeypatch:
 def test_a_port_in_use_is_one_sentence(publisher, session) -> None:
     with pytest.raises(OutputError, match=r"is not available .*: choose another port"):
         open_outputs([f"foxglove://127.0.0.1:{publisher.port}"], session)
+
+
+@pytest.mark.parametrize("host", ["192.0.2.1", "no-such-host.invalid"])
+def test_a_host_that_is_not_this_computer_is_one_sentence(host: str, session) -> None:
+    with pytest.raises(OutputError, match=r"is not available .*: .*an address of this computer, such as"):
+        open_outputs([f"foxglove://{host}:8765"], session)
