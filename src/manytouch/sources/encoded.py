@@ -2,9 +2,7 @@
 
 from dataclasses import replace
 
-import numpy as np
-
-from manytouch.sources.image_header import image_mistake
+from manytouch.sources.decoding import decode_image
 from manytouch.sources.quiet_opencv import cv2
 from manytouch.values import Frame
 from manytouch.values.arrays import Image, read_only
@@ -28,10 +26,5 @@ def decode(encoded: bytes, *, is_colour: bool) -> Image | None:
     mode = cv2.IMREAD_COLOR if is_colour else cv2.IMREAD_GRAYSCALE
     if image_format(encoded) == "png":
         mode = cv2.IMREAD_ANYCOLOR
-    if image_mistake(encoded) is not None:
-        return None
-    try:
-        image = cv2.imdecode(np.frombuffer(encoded, np.uint8), mode | cv2.IMREAD_ANYDEPTH)
-    except cv2.error:
-        return None
+    image = decode_image(encoded, mode)
     return None if image is None else read_only(image)

@@ -9,6 +9,7 @@ import numpy as np
 
 from manytouch.errors import SourceError
 from manytouch.limits import MAX_IMAGE_BYTES
+from manytouch.sources.decoding import decode_image
 from manytouch.sources.image_header import image_mistake
 from manytouch.sources.quiet_opencv import cv2
 from manytouch.sources.source import Capabilities, Source, evenly_timed_ns
@@ -130,11 +131,8 @@ def _images_in(folder: Path) -> tuple[Path, ...]:
 def read_image(path: Path, colour: int = cv2.IMREAD_ANYCOLOR) -> Image | None:
     """Grey or BGR image of 8 or 16 bits; None when the file is not one. `colour` is OpenCV's read flag."""
     try:
-        encoded = _content(path)
-        if image_mistake(encoded.data) is not None:
-            return None
-        image = cv2.imdecode(encoded, colour | cv2.IMREAD_ANYDEPTH)
-    except (OSError, ValueError, cv2.error):
+        image = decode_image(_content(path).data, colour)
+    except (OSError, ValueError):
         return None
     if image is None or image.dtype not in (np.uint8, np.uint16):
         return None
