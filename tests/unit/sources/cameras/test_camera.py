@@ -498,6 +498,30 @@ def test_user_and_password_of_the_address_open_a_stream(scheme: str) -> None:
         assert 'username="me"' in authorization
 
 
+@pytest.mark.parametrize("scheme", ["Basic", "Digest"])
+def test_another_host_gets_no_password(scheme: str) -> None:
+    given: dict[str, list[str]] = {"camera": [], "other": []}
+
+    def required(handler: http.server.BaseHTTPRequestHandler, name: str) -> bool:
+        given[name].append(handler.headers.get("Authorization", ""))
+        if given[name][-1]:
+            return True
+        answered(handler, 401, WWW_Authenticate=f'{scheme} realm="cam", nonce="ab", qop="auth"')
+        return False
+
+    with web_camera(lambda handler: required(handler, "other") and begun(handler)) as other:
+
+        def redirected(handler: http.server.BaseHTTPRequestHandler) -> None:
+            if required(handler, "camera"):
+                answered(handler, 302, Location=f"http://{other}/video")
+
+        with web_camera(redirected) as address, pytest.raises(SourceError, match="does not open"):
+            open_source(f"http://me:secret@{address}/")
+    assert any(given["camera"])
+    assert given["other"]
+    assert not any(given["other"])
+
+
 @pytest.mark.parametrize("header", ["12:30:01", "1e305", "nan", "-5", "9" * 5000])
 def test_a_time_of_the_server_that_is_none_costs_no_image(header: str) -> None:
     def answer(handler: http.server.BaseHTTPRequestHandler) -> None:
