@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float64, Int64
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
+from manytouch.estimation.local_motion import LocalMotion, TouchMemory, marker_groups
 from manytouch.geometry.centre_noise import centre_noise_px
 from manytouch.tracking.lattice.find import find_lattice, local_spacing
 from manytouch.values import Detections, Status
@@ -18,6 +20,13 @@ _AROUND = 9  # a dot and its eight neighbours on a lattice
 _FEWEST_AGREE = 0.25
 """Share of the frames below which those that agree are no rest: a choice, as dots that move all the time are
 nearly at the same place in two or three frames."""
+_FEWEST_STILL = 3
+"""Least number of frames that can be the rest, but for the first group of frames that agree."""
+_FEWEST_DOTS = 6
+_NOISE_STDS = 4.0
+"""Local motions of noise alone are below 2.8 of its standard deviations in 99 % of frames (35 to 2400 dots);
+the steadiest pair of frames, which determines it, has a little less noise than the others."""
+_MEDIAN_LENGTH = 1.1774  # of a vector whose components have a standard deviation of 1 (Rayleigh)
 _OUTLINE_FACTOR = 1.03  # by which the outline of the surveyed dots is enlarged about their mean
 
 
@@ -45,11 +54,21 @@ class RestDots:
 
 
 def merge_rest_dots(detections: Sequence[Detections]) -> RestDots:
-    """Merge the dots of the frames that agree with one frame.
+    """Merge the dots of the frames that agree with one frame: the first of `rest_arrangements`."""
+    return rest_arrangements(detections)[0]
 
-    That is the earliest one with which at least 60 % as many frames agree as with any other. Where fewer than
-    a quarter of the frames agree with any, the dots move all the time; it is then the one with the most
-    evenly spaced dots, since a touch spreads the dots at one place and contracts them next to it.
+
+def rest_arrangements(detections: Sequence[Detections]) -> tuple[RestDots, ...]:
+    """Merge the dots of frames that agree, one or more groups of frames, the most probable rest first.
+
+    The first group agrees with the earliest frame with which at least 60 % as many frames agree as with any
+    other. Where fewer than a quarter of the frames agree with any, the dots move all the time; it is then the
+    frame with the most evenly spaced dots, since a touch spreads the dots at one place and contracts them
+    next to it. Further groups are the largest of the frames left over, with `_FEWEST_STILL` or more.
+
+    Of frames that agree, a press at one place may move the dots of the later ones by up to a tenth of their
+    spacing: only those are used that do not differ from the earliest one of which this is true for
+    `_FEWEST_STILL` frames.
 
     Frames with a bad status are left out unless there is no other. A dot counts when at least two
     fifths of the group's frames show it.
@@ -57,16 +76,24 @@ def merge_rest_dots(detections: Sequence[Detections]) -> RestDots:
     usable = [k for k, each in enumerate(detections) if each.status is Status.OK and len(each.centre_px) > 0]
     usable = usable or [k for k, each in enumerate(detections) if len(each.centre_px) > 0]
     if not usable:
-        return _merge([], (), moved=False)
+        return (_merge([], (), moved=False),)
     centres = [detections[k].centre_px for k in usable]
     agrees = _agreement_of_frames(centres)
     sizes = agrees.sum(axis=1)
     chosen = int(np.argmax(sizes >= 0.6 * sizes.max()))
     if sizes.max() < _FEWEST_AGREE * len(usable):
         chosen = int(np.argmin([_unevenness(each) for each in centres]))
-    group = np.flatnonzero(agrees[chosen])
-    frames = tuple(usable[k] for k in group)
-    return _merge([detections[k] for k in frames], frames, moved=bool(len(group) < 0.8 * len(usable)))
+    found: list[RestDots] = []
+    while True:
+        group = np.flatnonzero(agrees[chosen])
+        frames = tuple(usable[k] for k in group)
+        moved = bool(len(group) < 0.8 * len(usable))
+        found.append(_merge([detections[k] for k in frames], frames, moved=moved))
+        agrees[group] = agrees[:, group] = False
+        sizes = agrees.sum(axis=1)
+        chosen = int(np.argmax(sizes))
+        if sizes[chosen] < _FEWEST_STILL:
+            return tuple(found)
 
 
 def _unevenness(centre_px: np.ndarray) -> float:
@@ -188,7 +215,33 @@ def _merge(group: list[Detections], frames: tuple[int, ...], *, moved: bool) -> 
         table[k, : len(row)] = row
     times = np.isfinite(table[..., 0]).sum(axis=0)
     table = table[:, times >= max(1.0, 0.4 * len(group))]
-    return _medians_of_dots(table, frames, moved=moved)
+    still = _still_frames(table[..., :2])
+    return _medians_of_dots(table[still], tuple(frames[k] for k in still), moved=moved)
+
+
+def _still_frames(position_px: Float64[np.ndarray, "f n 2"]) -> Int64[np.ndarray, " k"]:
+    """The frames in which no group of dots is elsewhere than in the earliest one of them.
+
+    All frames where fewer than `_FEWEST_STILL` are like any of them, or fewer than `_FEWEST_DOTS` dots are in
+    all: these are too few to distinguish a press from noise.
+    """
+    count = len(position_px)
+    position_px = position_px[:, np.isfinite(position_px[..., 0]).all(axis=0)]
+    dots = position_px.shape[1]
+    if count < _FEWEST_STILL or dots < _FEWEST_DOTS:
+        return np.arange(count)
+    spacing_px = float(np.median(local_spacing(position_px[0])))
+    steps_px = np.linalg.norm(np.diff(position_px, axis=0), axis=2)
+    std_pitch = float(np.median(steps_px, axis=1).min()) / (_MEDIAN_LENGTH * spacing_px)
+    motion = LocalMotion(noise_stds=_NOISE_STDS)
+    limit, _ = motion.limits(TouchMemory(), std_pitch)
+    groups, is_seen = marker_groups(position_px[0], spacing_px), np.ones(dots, dtype=np.bool_)
+    for first_px in position_px[: count - _FEWEST_STILL + 1]:
+        away = [float(motion(groups, each - first_px, is_seen).max()) for each in position_px]
+        still = np.flatnonzero(np.array(away) <= limit)
+        if len(still) >= _FEWEST_STILL:
+            return still
+    return np.arange(count)
 
 
 def _medians_of_dots(table: np.ndarray, frames: tuple[int, ...], *, moved: bool) -> RestDots:

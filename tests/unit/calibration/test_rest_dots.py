@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flat_sensor import detections_of, rectangle_px
-from manytouch.calibration.rest_dots import merge_rest_dots
+from manytouch.calibration.rest_dots import merge_rest_dots, rest_arrangements
 
 REST = rectangle_px(7, 9, first_px=(50.0, 60.0))
 
@@ -39,3 +39,26 @@ def test_frames_that_agree_are_rest_although_others_are_more_evenly_spaced(press
     """What is printed may be uneven; the first of the frames that agree are rest."""
     depths_px = [12.0] * pressed_frames + [0.0, 3.0, 6.0, 9.0]
     assert merge_rest_dots(frames_of(depths_px)).frames == tuple(range(pressed_frames))
+
+
+@pytest.mark.parametrize("untouched", [3, 6])
+def test_frames_in_which_a_press_begins_at_one_place_are_no_rest(untouched):
+    """Nearly all dots stay where they are; those at the press move by a fortieth of their spacing."""
+    depths_px = [0.0] * untouched + [0.5, 1.0] + [1.5] * (12 - untouched)
+    found = merge_rest_dots(frames_of(depths_px))
+    assert found.frames == tuple(range(untouched))
+    assert np.abs(found.centre_px - REST).max() < 0.12
+
+
+@pytest.mark.parametrize("noise_px", [0.05, 0.2])
+def test_noise_and_a_camera_that_shakes_leave_no_frame_out(noise_px):
+    rng = np.random.default_rng(2)
+    shaken = [REST + rng.normal(0.0, 0.1, 2) + rng.normal(0.0, noise_px, REST.shape) for _ in range(15)]
+    assert merge_rest_dots([detections_of(each) for each in shaken]).frames == tuple(range(15))
+
+
+def test_groups_of_frames_are_listed_the_most_probable_rest_first():
+    rest, held = [0.0] * 3, [20.0] * 9
+    first, second = rest_arrangements(frames_of(rest + held + [8.0]))
+    assert first.frames == tuple(range(3, 12))
+    assert second.frames == tuple(range(3))

@@ -1,7 +1,7 @@
 """Registration of a known sensor to a recording: image positions of its markers at rest."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -10,14 +10,14 @@ from manytouch.calibration.rest.first_frames import MOST_FRAMES, detect_in_frame
 from manytouch.calibration.rest.local_bulge import local_bulge_px
 from manytouch.calibration.rest.pose import adapt_pose
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
-from manytouch.calibration.rest_dots import RestDots, merge_rest_dots
+from manytouch.calibration.rest_dots import RestDots, rest_arrangements
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import mm_per_px
 from manytouch.geometry.refraction import rest_px
 from manytouch.geometry.views.view_sensors import view_sensors
 from manytouch.tracking import MarkerTracker
 from manytouch.values import Camera, Detections, Frame, Roi, Sensor, TrackedGrid
-from manytouch.values.arrays import read_only
+from manytouch.values.arrays import Points2, read_only
 from manytouch.values.sensor_file.default_std import camera_std
 
 TOUCHED_PITCHES = 0.08
@@ -26,11 +26,29 @@ distances may be those of the print. Chosen on the scene sim:one, where a press 
 far as this (ADR 112)."""
 MOVED_PITCHES = 0.05
 """The limit where the sensor file states measured places, instead of `TOUCHED_PITCHES`."""
+_LESS_TOUCHED_PITCHES = 0.02
+"""Frames are rest instead of the most probable ones if the largest distance of markers from their places in
+the sensor file is this much less: a choice, a quarter of `TOUCHED_PITCHES`."""
 _LEAST_SHARE = 0.5
 """Least share of the markers that must be found."""
 _UNUSUAL_STDS = 4.0
 """An inclination that differs from the stated one by more standard deviations is reported: a choice."""
 _SAME_DOT = 0.3  # distance of a marker from its own dot, over the root of the area of a dot
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _MarkersAtRest:
+    """Where the first frames show the markers.
+
+    Attributes:
+        grid: with the markers that are seen.
+        position_px: (m, 2) of all markers; those that are not seen are moved as their neighbours are.
+        bulge: see `_bulge_in_pitches`.
+    """
+
+    grid: TrackedGrid
+    position_px: Points2
+    bulge: float
 
 
 def register_rest(sensor: Sensor, frames: Sequence[Frame], *, roi_px: Roi | None = None) -> Sensor:
@@ -103,10 +121,17 @@ def _register_views(sensor: Sensor, frames: Sequence[Frame]) -> tuple[Sensor, in
 
 
 def _register_in_frames(sensor: Sensor, frames: Sequence[Frame], roi_px: Roi | None) -> tuple[Sensor, int]:
-    still = merge_rest_dots(detect_in_frames(sensor, frames[:MOST_FRAMES], roi_px))
-    found, count = _register_and_count_dots(
-        sensor, still.centre_px, still_frames=len(still.frames), roi_px=roi_px
-    )
+    """Registered to the motionless frames in which the markers depart least from the sensor file."""
+    first, *others = rest_arrangements(detect_in_frames(sensor, frames[:MOST_FRAMES], roi_px))
+    still, markers = first, _find_markers(sensor, first.centre_px, roi_px)
+    for other in others:
+        try:
+            other_markers = _find_markers(sensor, other.centre_px, roi_px)
+        except LayoutError:
+            continue
+        if other_markers.bulge < markers.bulge - _LESS_TOUCHED_PITCHES:
+            still, markers = other, other_markers
+    found, count = _registered(sensor, markers, still_frames=len(still.frames))
     found = _with_radii(found, still)
     if shift_is_undetectable(found, still, roi_px=roi_px):
         found = replace(found, assumptions=(*found.assumptions, UNDETECTABLE_SHIFT))
@@ -147,12 +172,15 @@ def register_dots(
     sensor: Sensor, centre_px: np.ndarray, *, still_frames: int = 1, roi_px: Roi | None = None
 ) -> Sensor:
     """As `register_rest`, from the centres (n, 2) of the dots at rest, px."""
-    return _register_and_count_dots(sensor, centre_px, still_frames=still_frames, roi_px=roi_px)[0]
+    return _registered(sensor, _find_markers(sensor, centre_px, roi_px), still_frames=still_frames)[0]
 
 
-def _register_and_count_dots(
-    sensor: Sensor, centre_px: np.ndarray, *, still_frames: int, roi_px: Roi | None
-) -> tuple[Sensor, int]:
+def _find_markers(sensor: Sensor, centre_px: np.ndarray, roi_px: Roi | None) -> _MarkersAtRest:
+    """The markers of a sensor among the centres (n, 2) of dots.
+
+    Raises:
+        LayoutError: fewer than half of the markers were found.
+    """
     assert sensor.layout is not None
     layout = sensor.layout
     tracker = MarkerTracker(roi_px=roi_px)
@@ -166,8 +194,15 @@ def _register_and_count_dots(
             f"frames ({len(centre_px)} dots): check that the sensor file belongs to this recording, that the "
             "sheet is untouched at the start, light and focus; or leave the sensor file out"
         )
+    return _MarkersAtRest(grid=grid, position_px=state.position_px, bulge=_bulge_in_pitches(sensor, grid))
+
+
+def _registered(sensor: Sensor, markers: _MarkersAtRest, *, still_frames: int) -> tuple[Sensor, int]:
+    """The sensor with these places as rest, and the number of markers that were seen."""
+    assert sensor.layout is not None
+    layout, grid, bulge = sensor.layout, markers.grid, markers.bulge
+    found, wanted = int(grid.is_seen.sum()), int((~layout.is_missing).sum())
     frames = "motionless frame" if still_frames == 1 else f"{still_frames} motionless frames"
-    bulge = _bulge_in_pitches(sensor, grid)
     if bulge > (TOUCHED_PITCHES if layout.rest_px is None else MOVED_PITCHES):
         sentence = (
             f"The markers depart from their places in the sensor file by {bulge:.2f} pitches at one "
@@ -188,7 +223,7 @@ def _register_and_count_dots(
     registered = replace(
         sensor,
         camera=camera,
-        layout=replace(layout, rest_px=state.position_px),
+        layout=replace(layout, rest_px=markers.position_px),
         assumptions=(*sensor.assumptions, sentence),
         provenance={**sensor.provenance, "rest_frames": still_frames},
     )

@@ -296,6 +296,18 @@ def test_a_sheet_that_is_touched_at_the_start_is_at_rest_where_its_file_has_it()
     np.testing.assert_array_equal(again.layout.rest_px, measured.layout.rest_px)
 
 
+@pytest.mark.parametrize(("untouched", "pressed"), [((0, 4), (4, 15)), ((12, 15), (0, 12))])
+def test_of_two_still_places_in_the_first_frames_the_one_of_the_sensor_file_is_rest(untouched, pressed):
+    sensor = demo_sensor(1280)
+    rest_px = pressed_px(sensor, 0.0)
+    assert np.abs(pressed_px(sensor, 10.0) - rest_px).max() > 4.0
+    image = {0: picture(rest_px, 5, 1280, 720), 1: picture(pressed_px(sensor, 10.0), 5, 1280, 720)}
+    frames = [frame for k in range(15) for frame in frames_of(image[int(k in range(*pressed))], 1)]
+    found = register_rest(replace(sensor, layout=replace(sensor.layout, polarity="dark")), frames)
+    assert found.provenance["rest_frames"] == untouched[1] - untouched[0]
+    assert np.abs(found.layout.rest_px - rest_px).max() < 0.5
+
+
 def test_pose_lens_and_print_are_not_taken_for_a_touch():
     sensor = demo_sensor(1280)
     camera, rest_mm = sensor.camera, sensor.layout.rest_mm
