@@ -11,12 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
+from scipy.ndimage import maximum_position
 
 from manytouch.estimation.mechanics.clusters.fitted_patches import PatchFit
 from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes, smooth
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Points2, Scalars, read_only
 
+_NEVER_MERGED = 1.0  # a saddle is never above its peaks
 _STEADY = 0.4
 """Share of the nodal forces that may change between two frames of which the second is steady. It was chosen
 between a cylinder at the end of its ramp (.22) and the second frame of a sudden press (.6); see ADR 124."""
@@ -229,7 +231,9 @@ class ForceClusters:
     """Clusters as watersheds of the smoothed normal forces; thresholds of forces are in force units.
 
     Attributes:
-        merge_share: two clusters are one if the saddle between them is above this share of the lower peak.
+        merge_share: two clusters are one if the saddle between them is above this share of the lower peak,
+            unless nodes without force lie between them: a strong contact fills a gap of two nodes when its
+            forces are smoothed.
         floor_share: nodes below this share of the highest smoothed force belong to no cluster.
         floor: nodes below this smoothed force belong to no cluster.
         min_share: least normal force of a cluster over that of the strongest one.
@@ -242,17 +246,34 @@ class ForceClusters:
 
     def __call__(self, nodes: ForceNodes, force_mm2: Nodal) -> Clusters:
         """The clusters of nodal forces (n, 3) over E, sheet frame."""
-        from manytouch.estimation.watershed import watershed
-
-        press_mm2 = smooth(np.maximum(-force_mm2[:, 2], 0.0).reshape(nodes.shape))
-        floor_mm2 = max(self.floor_share * float(press_mm2.max()), self.floor * nodes.force_unit_mm2)
-        label, _ = watershed(press_mm2, floor_mm2, self.merge_share)
-        clusters = cluster_moments(nodes, force_mm2, label.ravel())
+        nodal_mm2 = np.maximum(-force_mm2[:, 2], 0.0).reshape(nodes.shape)
+        clusters = cluster_moments(nodes, force_mm2, self._labels(nodes, nodal_mm2))
         strongest_mm2 = float(clusters.normal_mm2.max(initial=0.0))
         least_mm2 = max(nodes.least_force_mm2, self.min_share * strongest_mm2)
         is_inner = np.all(np.abs(clusters.centre_mm) <= nodes.inner_mm, axis=1)
         order = np.argsort(-clusters.normal_mm2, kind="stable")
         return clusters.select(order[(is_inner & (clusters.normal_mm2 >= least_mm2))[order]])
+
+    def _labels(
+        self, nodes: ForceNodes, nodal_mm2: Float64[np.ndarray, "rows columns"]
+    ) -> Int64[np.ndarray, " nodes"]:
+        """(nodes,) cluster of each node, from the forces of the nodes, or -1."""
+        from manytouch.estimation.watershed import watershed
+
+        press_mm2 = smooth(nodal_mm2)
+        floor_mm2 = max(self.floor_share * float(press_mm2.max()), self.floor * nodes.force_unit_mm2)
+        merged, _ = watershed(press_mm2, floor_mm2, self.merge_share)
+        each, peaks = watershed(press_mm2, floor_mm2, _NEVER_MERGED)
+        if len(peaks) <= merged.max() + 1:
+            return np.asarray(merged.ravel())
+        loaded, _ = watershed((nodal_mm2 > floor_mm2).astype(np.float64), 0.5, 0.0)
+        own = maximum_position(nodal_mm2, each, np.arange(len(peaks)))
+        island = loaded[tuple(np.transpose(own))]
+        is_any = each >= 0
+        pairs = np.column_stack([merged[is_any], island[each[is_any]]])
+        label = np.full(nodal_mm2.shape, -1, dtype=np.int64)
+        label[is_any] = np.unique(pairs, axis=0, return_inverse=True)[1].ravel()
+        return label.ravel()
 
 
 def cluster_moments(nodes: ForceNodes, force_mm2: Nodal, label: Int64[np.ndarray, " nodes"]) -> Clusters:

@@ -54,6 +54,19 @@ def test_a_shallow_saddle_joins(gap_mm: float, count: int) -> None:
     assert -found.force_mm2[:, 2].sum() == pytest.approx(2.0)
 
 
+@pytest.mark.parametrize(("between", "count"), [(0.0, 2), (0.15, 1)])
+def test_a_gap_without_forces_divides_although_the_strong_contact_fills_it_when_smoothed(
+    between: float, count: int
+) -> None:
+    force = np.zeros((*SHAPE, 3))
+    row, column = SHAPE[0] // 2, SHAPE[1] // 2
+    rows = [[0.14, 0.02, 0.0, 0.0, 0.0], [0.36, 0.21, between, 1.84, 1.11], [0.04, 0.03, 0.0, 3.1, 1.8]]
+    force[row - 1 : row + 2, column - 2 : column + 3, 2] = -np.array(rows)
+    found = FIND(NODES, force.reshape(-1, 3))
+    assert len(found) == count
+    assert -found.force_mm2[:, 2].sum() == pytest.approx(np.sum(rows))
+
+
 def test_weak_clusters_and_those_near_the_clamp_are_left_out() -> None:
     strong, weak, ghost = (0.0, 0.0, 3.0, 2.0), (20.0, 20.0, 3.0, 0.05), (41.0, 0.0, 2.0, 0.5)
     found = FIND(NODES, pressed(strong, weak, ghost))
