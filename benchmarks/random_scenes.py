@@ -1,12 +1,14 @@
 """Errors on sensors and scenes that are drawn from a seed, and that no choice was made on.
 
-    python benchmarks/random_scenes.py --out DIR [--first 0] [--scenes 6] [--pads]
+    python benchmarks/random_scenes.py --out DIR [--first 0] [--scenes 6] [--pads | --moving] [--drawn]
 
 Each scene has a sensor of its own (size, thickness, modulus, pretension or depth of the markers, pitch, light
 or dark dots, lens, camera, noise, missing dots, dust) and one to three bodies of five shapes, some with
-friction, that begin and end at different times. The commands `simulate` and `process` are run as users run
-them, with the exact sensor file; what they write into DIR stays there. Scene number n is the same on every
-machine. A line for each scene is printed, then the figures of all.
+friction, that begin and end at different times; with `--moving` up to five bodies on larger sheets, which
+press deeper, and of which some slide, roll or turn (`moving_scenes`). The commands `simulate` and `process`
+are run as users run them, with the exact sensor file, or with `--drawn` with one that has the errors of a
+careful user; what they write into DIR stays there. Scene number n is the same on every machine. A line for
+each scene is printed, then the figures of all.
 """
 
 import argparse
@@ -17,6 +19,9 @@ from typing import Any
 
 import numpy as np
 import tomlkit
+from moving_scenes import SECONDS as MOVING_SECONDS
+from moving_scenes import SEED as MOVING_SEED
+from moving_scenes import moving_bodies, moving_sheet, sensor_with_errors
 
 from manytouch.evaluation.evaluated_recordings.folders import load_result, load_truth
 from manytouch.evaluation.metrics.comparison import MethodErrors, compare, figures, pooled
@@ -116,7 +121,7 @@ def markers_of(draw: np.random.Generator, count: np.ndarray, pitch_mm: float) ->
     }
 
 
-def scene_of(draw: np.random.Generator, name: str, sensor: dict[str, Any], *, is_pad: bool) -> dict[str, Any]:
+def still_bodies(draw: np.random.Generator, sensor: dict[str, Any], *, is_pad: bool) -> list[dict[str, Any]]:
     """One to three bodies on a sensor, at least three thicknesses or 14 mm apart."""
     size_mm, thickness_mm = np.array(sensor["sheet"]["size_mm"]), float(sensor["sheet"]["thickness_mm"])
     room_mm = np.maximum(0.5 * size_mm - (2.5 + 0.4 * thickness_mm if is_pad else 8.0 + thickness_mm), 0.5)
@@ -140,12 +145,24 @@ def scene_of(draw: np.random.Generator, name: str, sensor: dict[str, Any], *, is
             "ramp_s": 0.3,
         }
         bodies.append({"shape": shape, "friction": float(draw.choice([0.0, 0.0, 1.0])), "motions": [motion]})
+    return bodies
+
+
+def scene_of(
+    draw: np.random.Generator,
+    name: str,
+    sensor: dict[str, Any],
+    bodies: list[dict[str, Any]],
+    *,
+    seconds: float,
+    solid: dict[str, float],
+) -> dict[str, Any]:
+    """A scene of these bodies, in light and with faults that are sampled at random."""
     is_dark = sensor["markers"]["polarity"] == "dark"
-    solid = {"step_mm": 0.3} if is_pad else {"step_mm": 1.5, "element_mm": max(2.0, float(size_mm[0]) / 26.0)}
     return {
         "schema": 1,
         "name": name,
-        "seconds": SECONDS,
+        "seconds": seconds,
         "fps": FPS,
         "seed": int(draw.integers(2**31)),
         "sensor": "sensor.toml",
@@ -176,34 +193,59 @@ def manytouch(*arguments: str, folder: Path) -> None:
         sys.exit(f"manytouch {' '.join(arguments)} in {folder} failed:\n{done.stderr or done.stdout}")
 
 
-def errors_of(number: int, out: Path, *, is_pad: bool) -> MethodErrors:
-    """Errors of the scene with this number, which is simulated unless it is there."""
+def sensor_and_scene(number: int, kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Contents of the sensor file and the scene file with this number; `kind`: sheet, pad or moving."""
+    name = f"{kind}-{number}"
+    if kind == "moving":
+        draw = np.random.default_rng(MOVING_SEED + number)
+        sensor = moving_sheet(draw, name, camera_of, markers_of)
+        bodies = moving_bodies(draw, sensor)
+        solid = {"step_mm": 1.5, "element_mm": max(1.8, float(sensor["sheet"]["size_mm"][0]) / 44.0)}
+        return sensor, scene_of(draw, name, sensor, bodies, seconds=MOVING_SECONDS, solid=solid)
+    is_pad = kind == "pad"
     draw = np.random.default_rng((PAD_SEED if is_pad else SHEET_SEED) + number)
-    name = f"{'pad' if is_pad else 'sheet'}-{number}"
+    sensor = pad_sensor(draw, name) if is_pad else sheet_sensor(draw, name)
+    bodies = still_bodies(draw, sensor, is_pad=is_pad)
+    element_mm = max(2.0, float(sensor["sheet"]["size_mm"][0]) / 26.0)
+    solid = {"step_mm": 0.3} if is_pad else {"step_mm": 1.5, "element_mm": element_mm}
+    return sensor, scene_of(draw, name, sensor, bodies, seconds=SECONDS, solid=solid)
+
+
+def errors_of(number: int, out: Path, kind: str, *, is_drawn: bool) -> MethodErrors:
+    """Errors of the scene with this number, which is simulated unless it is there."""
+    sensor, scene = sensor_and_scene(number, kind)
+    name = str(scene["name"])
     folder = out / name
     folder.mkdir(parents=True, exist_ok=True)
-    sensor = pad_sensor(draw, name) if is_pad else sheet_sensor(draw, name)
-    scene = scene_of(draw, name, sensor, is_pad=is_pad)
     (folder / "sensor.toml").write_text(tomlkit.dumps(sensor), encoding="utf-8")
     (folder / "scene.toml").write_text(tomlkit.dumps(scene), encoding="utf-8")
     if not (folder / "simulated" / "truth" / "markers.parquet").exists():
         manytouch("simulate", "scene.toml", "--out", "simulated", folder=folder)
-    given = ("--sensor", "simulated/sensor.toml", "--fps", f"{FPS:g}")
-    manytouch("process", "simulated/frames", *given, "--out", "results", folder=folder)
+    sensor_file, results = "simulated/sensor.toml", "results"
+    if is_drawn:
+        sensor_file, results = "drawn.toml", "results-drawn"
+        drawn = tomlkit.dumps(sensor_with_errors(number, sensor))
+        (folder / sensor_file).write_text(drawn, encoding="utf-8")
+    given = ("--sensor", sensor_file, "--fps", f"{FPS:g}")
+    manytouch("process", "simulated/frames", *given, "--out", results, folder=folder)
     sheet = sensor["sheet"]
     thickness_mm, pitch_mm = float(sheet["thickness_mm"]), float(sensor["markers"]["pitch_mm"])
-    kinds = [
-        f"{body['shape']['kind']} {body['motions'][0]['depth_mm'] / thickness_mm:.2f}"
-        for body in scene["bodies"]
-    ]
+    kinds = [f"{body['shape']['kind']} {depth_of(body) / thickness_mm:.2f}" for body in scene["bodies"]]
     print(
         f"{name}: {sheet['size_mm'][0]:.0f} x {sheet['size_mm'][1]:.0f} x {thickness_mm:.1f} mm, "
         f"{sensor['markers']['columns']} x {sensor['markers']['rows']} dots, pitch {pitch_mm:.1f} mm; "
         f"depths in thicknesses: {', '.join(kinds)}"
     )
-    errors = compare(load_truth(folder / "simulated" / "truth"), load_result(folder / "results" / "frames"))
+    errors = compare(load_truth(folder / "simulated" / "truth"), load_result(folder / results / "frames"))
     print("   ", summary_of(errors), flush=True)
     return errors
+
+
+def depth_of(body: dict[str, Any]) -> float:
+    """Largest depth of a body, in mm."""
+    motion = body["motions"][0]
+    deepest_mm = motion["depth_mm"] if "depth_mm" in motion else max(point[3] for point in motion["points"])
+    return float(deepest_mm)
 
 
 def summary_of(errors: MethodErrors) -> str:
@@ -226,10 +268,18 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of all scenes")
     parser.add_argument("--first", type=int, default=0, help="number of the first scene")
     parser.add_argument("--scenes", type=int, default=6, help="number of scenes")
-    parser.add_argument("--pads", action="store_true", help="bonded pads instead of clamped sheets")
+    kind = parser.add_mutually_exclusive_group()
+    kind.add_argument("--pads", action="store_true", help="bonded pads instead of clamped sheets")
+    kind.add_argument(
+        "--moving", action="store_true", help="bodies that slide, roll and turn, on larger sheets"
+    )
+    parser.add_argument("--drawn", action="store_true", help="sensor files with the errors of a careful user")
     given = parser.parse_args()
+    if given.drawn and given.pads:
+        parser.error("--drawn is for clamped sheets: leave out --pads")
     numbers = range(given.first, given.first + given.scenes)
-    errors = [errors_of(number, given.out, is_pad=given.pads) for number in numbers]
+    chosen = "pad" if given.pads else "moving" if given.moving else "sheet"
+    errors = [errors_of(number, given.out, chosen, is_drawn=given.drawn) for number in numbers]
     print(f"all {len(errors)} scenes: {summary_of(pooled(errors, 'all'))}")
     coverage = figures(pooled(errors, "all"))["coverage"]
     for estimate in ("position", "depth", "force"):

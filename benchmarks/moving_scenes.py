@@ -1,0 +1,178 @@
+"""Sensors and scenes for `random_scenes.py --moving`: larger sheets, deeper presses, bodies that move.
+
+Scene n is the same on every machine, and so is its sensor file with errors.
+"""
+
+import math
+from collections.abc import Callable
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+
+SEED, DRAWN_SEED = 77_000, 9_000
+SECONDS = 3.0
+UNKNOWN_EVERY = 3
+"""Every third sensor file with errors does not state the pretension."""
+
+
+Part = dict[str, Any]
+
+
+def moving_sheet(
+    draw: np.random.Generator,
+    name: str,
+    camera_of: Callable[[np.random.Generator, np.ndarray], Part],
+    markers_of: Callable[[np.random.Generator, np.ndarray, float], Part],
+) -> Part:
+    """A clamped sheet of 55 to 140 mm and 1.5 to 6 mm, slack or taut."""
+    thickness_mm = float(np.exp(draw.uniform(np.log(1.5), np.log(6.0))))
+    length_mm, aspect = float(draw.uniform(55.0, 140.0)), float(draw.uniform(0.6, 1.0))
+    pitch_mm = float(draw.uniform(max(2.0, length_mm / 36.0), min(8.0, length_mm / 12.0)))
+    count = np.maximum(np.round(np.array([length_mm, length_mm * aspect]) / pitch_mm - 1.0).astype(int), 8)
+    size_mm = (count + 1) * pitch_mm
+    young_MPa = float(10.0 ** draw.uniform(-0.7, 0.5))
+    stretch = float(draw.choice([0.0, draw.uniform(0.0, 0.03)]))
+    return {
+        "schema": 1,
+        "name": name,
+        "camera": camera_of(draw, size_mm),
+        "sheet": {
+            "size_mm": size_mm.tolist(),
+            "thickness_mm": thickness_mm,
+            "young_MPa": young_MPa,
+            "poisson": float(draw.uniform(0.3, 0.49)),
+            "pretension_N_per_mm": 2.0 * stretch * young_MPa * thickness_mm,
+        },
+        "markers": markers_of(draw, count, pitch_mm),
+    }
+
+
+def _shape(draw: np.random.Generator) -> Part:
+    """A ball, fingertip, punch or lying cylinder, of 2 to 14 mm."""
+    size_mm = float(np.exp(draw.uniform(np.log(2.0), np.log(14.0))))
+    shapes: tuple[Part, ...] = (
+        {"kind": "sphere", "radius_mm": size_mm},
+        {"kind": "fingertip", "semi_axes_mm": [size_mm * 0.8 + 2.0, size_mm + 3.0, size_mm * 0.8 + 2.0]},
+        {"kind": "round_punch", "radius_mm": 0.6 * size_mm + 1.0},
+        {"kind": "square_punch", "side_mm": [1.6 * size_mm, float(draw.uniform(0.4, 1.0)) * 1.6 * size_mm]},
+        {
+            "kind": "cylinder",
+            "radius_mm": max(0.4 * size_mm, 1.5),
+            "length_mm": float(draw.uniform(1.5, 4.0)) * size_mm,
+        },
+    )
+    return shapes[int(draw.integers(5))]
+
+
+def _reach_mm(shape: Part) -> float:
+    """How far a shape reaches from its middle, about."""
+    match shape["kind"]:
+        case "sphere":
+            return float(0.5 * shape["radius_mm"])
+        case "fingertip":
+            return float(0.5 * max(shape["semi_axes_mm"]))
+        case "round_punch":
+            return float(shape["radius_mm"])
+        case "square_punch":
+            return 0.5 * math.hypot(*shape["side_mm"])
+        case _:
+            return float(0.5 * shape["length_mm"])
+
+
+def moving_bodies(draw: np.random.Generator, sensor: Part) -> list[Part]:
+    """One to five bodies that press, slide, roll or turn, at least 2.5 thicknesses or 6 mm apart."""
+    size_mm, thickness_mm = np.array(sensor["sheet"]["size_mm"]), float(sensor["sheet"]["thickness_mm"])
+    wanted = int(draw.choice([1, 2, 2, 3, 3, 4, 5]))
+    bodies: list[Part] = []
+    places: list[tuple[np.ndarray, float]] = []
+    for _ in range(200):
+        if len(bodies) == wanted:
+            break
+        shape = _shape(draw)
+        reach_mm = _reach_mm(shape)
+        room_mm = 0.5 * size_mm - reach_mm - 2.5 * thickness_mm - 2.0
+        if (room_mm < 1.0).any():
+            continue
+        at_mm = draw.uniform(-room_mm, room_mm)
+        if _is_near(at_mm, reach_mm, places, thickness_mm):
+            continue
+        motion = _motion(draw, shape, at_mm, room_mm, sensor)
+        if motion["kind"] == "slide" and _is_near(np.array(motion["to_mm"]), reach_mm, places, thickness_mm):
+            continue
+        places.append((at_mm, reach_mm))
+        friction = float(draw.choice([0.0, 0.3, 0.6, 1.0]))
+        bodies.append({"shape": shape, "friction": friction, "motions": [motion]})
+    return bodies
+
+
+def _is_near(
+    at_mm: np.ndarray, reach_mm: float, places: list[tuple[np.ndarray, float]], thickness_mm: float
+) -> bool:
+    apart_mm = max(2.5 * thickness_mm, 6.0)
+    return any(np.linalg.norm(at_mm - place) < reach_mm + reach + apart_mm for place, reach in places)
+
+
+def _motion(
+    draw: np.random.Generator,
+    shape: Part,
+    at_mm: np.ndarray,
+    room_mm: np.ndarray,
+    sensor: Part,
+) -> Part:
+    """A motion within 2.9 s, .15 to 2.2 thicknesses deep."""
+    size_mm, thickness_mm = np.array(sensor["sheet"]["size_mm"]), float(sensor["sheet"]["thickness_mm"])
+    deepest_mm = min(2.2 * thickness_mm, 0.12 * float(size_mm.min()), 10.0)
+    depth_mm = float(np.exp(draw.uniform(np.log(0.15 * thickness_mm), np.log(deepest_mm))))
+    start_s = float(draw.uniform(0.2, 0.9))
+    end_s = min(float(start_s + draw.uniform(1.2, 1.9)), 2.9)
+    may_roll = shape["kind"] in {"sphere", "fingertip"}
+    kind = str(draw.choice(["press", "press", "slide", "path", "roll" if may_roll else "press"]))
+    ramp_s = float(draw.uniform(0.2, 0.5))
+    motion: Part = {"kind": kind, "depth_mm": depth_mm, "start_s": start_s, "end_s": end_s}
+    if kind == "press":
+        return {**motion, "at_mm": at_mm.tolist(), "ramp_s": ramp_s}
+    if kind == "slide":
+        to_mm = np.clip(at_mm + draw.uniform(-12.0, 12.0, 2), -room_mm, room_mm)
+        return {**motion, "from_mm": at_mm.tolist(), "to_mm": to_mm.tolist(), "ramp_s": ramp_s}
+    if kind == "roll":
+        direction_deg, angle_deg = float(draw.uniform(-180.0, 180.0)), float(draw.uniform(20.0, 60.0))
+        return {**motion, "at_mm": at_mm.tolist(), "direction_deg": direction_deg, "angle_deg": angle_deg}
+    angle_deg = float(draw.uniform(-90.0, 90.0))
+    turned_deg = angle_deg + float(draw.choice([0.0, draw.uniform(-30.0, 30.0)]))
+    times_s = (start_s, start_s + 0.4, start_s + 0.8, end_s - 0.2, end_s)
+    depths_mm = (-0.5, 0.6 * depth_mm, depth_mm, depth_mm, -0.5)
+    angles_deg = (angle_deg, angle_deg, angle_deg, turned_deg, turned_deg)
+    return {
+        "kind": kind,
+        "points": [
+            [at_s, *at_mm.tolist(), deep_mm] for at_s, deep_mm in zip(times_s, depths_mm, strict=True)
+        ],
+        "turns_deg": [[0.0, 0.0, each_deg] for each_deg in angles_deg],
+    }
+
+
+def sensor_with_errors(number: int, sensor: Part) -> Part:
+    """The sensor file with the errors of a careful user.
+
+    Their standard deviations are those of the group `drawn`: thickness 5 %, E 8 %, pretension 20 % or not
+    stated, each side of the outline 0.3 mm, pose 0.2 degrees, focal length 0.3 %, Poisson's ratio 0.02.
+    """
+    off = np.random.default_rng(DRAWN_SEED + number).standard_normal(12).clip(-2.5, 2.5).tolist()
+    given = deepcopy(sensor)
+    sheet, camera = given["sheet"], given["camera"]
+    focal = 1.0 + 0.003 * off[0]
+    camera["fx_px"] *= focal
+    camera["fy_px"] *= focal
+    camera["pose"]["translation_mm"][2] *= focal
+    camera["pose"]["rotation_vector"] = (np.deg2rad(0.2) * np.array(off[1:4])).tolist()
+    sides_mm = 0.3 * np.array([off[4] + off[5], off[6] + off[7]])
+    sheet["size_mm"] = (np.array(sheet["size_mm"]) + sides_mm).tolist()
+    sheet["thickness_mm"] *= 1.0 + 0.05 * off[8]
+    sheet["young_MPa"] *= 1.0 + 0.08 * off[9]
+    sheet["poisson"] = min(sheet["poisson"] + 0.02 * off[10], 0.495)
+    if number % UNKNOWN_EVERY == 0:
+        del sheet["pretension_N_per_mm"]
+    else:
+        sheet["pretension_N_per_mm"] *= 1.0 + 0.2 * off[11]
+    return given
