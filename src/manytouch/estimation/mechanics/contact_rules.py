@@ -38,7 +38,10 @@ class ContactRules:
             tested: it causes most of the deformation. Other true contacts of the varied cases have 4 and more
             with drawn sensor files, 5 and more with true ones.
         sure_stds: least normal force of a contact that is not the strongest, in standard deviations by noise
-            and by what the parameters of the sheet change other than in proportion to the strongest force.
+            and by what the parameters of the sheet change other than in proportion to the strongest force. On
+            a sheet that is assumed, only a new contact needs it: unlike parameters scale the forces of
+            contacts of different depth by different factors, and none of these is 0.
+        same_contact_pitch: a cluster continues a contact if it is within this distance, in pitches.
         noise_share: nodal forces below this share of what noise adds to `GaussNewton.negligible_force` belong
             to no cluster.
     """
@@ -54,6 +57,7 @@ class ContactRules:
     last_stds: float = 2.5
     outline_stds: float = 4.0
     sure_stds: float = 2.0
+    same_contact_pitch: float = 1.0
     noise_share: float = 0.3
 
     def may_start(
@@ -77,7 +81,12 @@ class ContactRules:
         return np.asarray(is_strong & (shear_mm2 <= self.max_friction * clusters.normal_mm2))
 
     def certain(
-        self, model: InversionModel, clusters: Clusters, fit: Fit, response: ParameterResponse | None
+        self,
+        model: InversionModel,
+        clusters: Clusters,
+        fit: Fit,
+        response: ParameterResponse | None,
+        touching_mm: Float64[np.ndarray, "k 2"],
     ) -> tuple[Clusters, Scalars]:
         """Clusters that neither noise nor wrong parameters of the sheet explain, with the error by these.
 
@@ -86,6 +95,7 @@ class ContactRules:
             clusters: of this frame.
             fit: of this frame.
             response: of the forces to the parameters of the sheet, if it is known.
+            touching_mm: (k, 2) centres of the contacts of the previous frame.
 
         Returns:
             the clusters, and their normal forces (c,) in standard deviations by noise.
@@ -96,7 +106,9 @@ class ContactRules:
         clusters = clusters.with_sheet_error(model.nodes, response.force_change_mm2[:, :, 2])
         is_strongest = clusters.normal_mm2 >= clusters.normal_mm2.max(initial=0.0)
         is_certain = clusters.normal_mm2 >= self.sure_stds * _relative_std_mm2(clusters, stds, fit, response)
-        if not model.is_assumed:
+        if model.is_assumed:
+            is_certain |= ~is_far_from(clusters, touching_mm, self.same_contact_pitch * model.pitch_mm)
+        else:
             by_outline_mm2 = _change_by_outline_mm2(clusters, fit, response)
             is_certain &= clusters.normal_mm2 >= self.outline_stds * by_outline_mm2
         chosen = np.flatnonzero(is_certain | is_strongest)

@@ -197,13 +197,13 @@ class MechanicsEstimator:
             previous_frames=state.tracks.touching_frames,
             earlier=state.previous,
         )
-        clusters, significance = self.contact_rules.certain(model, clusters, fit, state.response)
+        clusters, stds = self.contact_rules.certain(model, clusters, fit, state.response, state.touching_mm)
         friction = self.friction_fits(fit, clusters, shape.force_mm2)
         if friction is not None:
             shape = shape.moved(friction.change_mm, friction.force_change_mm2)
             clusters = replace(clusters, centre_mm=clusters.centre_mm + friction.centre_change_mm)
         surface = self._surface(state, grid, shape, clusters, status)
-        may_start = self._may_start(state, clusters) & (significance >= self.contact_rules.start_stds)
+        may_start = self._may_start(state, clusters) & (stds >= self.contact_rules.start_stds)
         after, contacts = self._track(
             state.with_fit(fit),
             clusters,

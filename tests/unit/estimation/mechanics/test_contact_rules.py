@@ -27,37 +27,63 @@ def test_a_contact_beside_the_clamp_waits_for_the_response(thicknesses: float, s
     assert rules.may_start(model, clusters, is_new, is_response_due=True).tolist() == [starts]
 
 
+NOTHING_BEFORE = np.zeros((0, 2))
+
+
+def two_forces(model):
+    """A strong force and a weak one on the sheet: the fit, their clusters and their nodes."""
+    place_mm = model.nodes.place_mm
+    nodes = [int(np.linalg.norm(place_mm - at, axis=1).argmin()) for at in ((-12.0, 0.0), (12.0, 0.0))]
+    shape, markers = SheetShape.at_rest(model), len(model.layout.rest_mm)
+    information = np.tile(100.0 * np.eye(2), (markers, 1, 1))
+    fit = GaussNewton()(model, shape, np.zeros((markers, 2)), information)
+    force_mm2 = np.zeros((len(place_mm), 3))
+    force_mm2[nodes, 2] = -1.0, -0.1
+    clusters = ForceClusters()(model.nodes, force_mm2)
+    clusters = replace(clusters, covariance=np.tile(1e-8 * np.eye(6), (2, 1, 1)))
+    return replace(fit, shape=replace(shape, force_mm2=force_mm2)), clusters, nodes
+
+
+def response_of(fit, changed, share):
+    """Wrong parameters change the forces of some nodes by a share of themselves."""
+    force_mm2 = fit.shape.force_mm2
+    change_mm2 = np.zeros((1, *force_mm2.shape))
+    change_mm2[0, changed, 2] = share * force_mm2[changed, 2]
+    return ParameterResponse(
+        change_mm=np.zeros_like(change_mm2),
+        force_change_mm2=change_mm2,
+        by_outline_mm2=np.zeros(len(force_mm2)),
+        normal_mm2=-force_mm2[:, 2],
+        total_mm2=1.1,
+        balance_slope=np.zeros_like(force_mm2),
+        image_slope_px=np.zeros_like(fit.residual_px),
+    )
+
+
 @pytest.mark.parametrize(("share", "remains"), [(0.4, 2), (0.7, 1)])
 def test_what_wrong_parameters_explain_is_no_contact_unless_they_change_all_forces(
     share: float, remains: int
 ) -> None:
     """First the weak force changes by a share of itself, then both do so."""
     model, rules = NominalSheet()(slack_sensor()), ContactRules()
-    place_mm = model.nodes.place_mm
-    strong, weak = (int(np.linalg.norm(place_mm - at, axis=1).argmin()) for at in ((-12.0, 0.0), (12.0, 0.0)))
-    shape = SheetShape.at_rest(model)
-    markers = len(model.layout.rest_mm)
-    information = np.tile(100.0 * np.eye(2), (markers, 1, 1))
-    fit = GaussNewton()(model, shape, np.zeros((markers, 2)), information)
-    force_mm2 = np.zeros((len(place_mm), 3))
-    force_mm2[[strong, weak], 2] = -1.0, -0.1
-    fit = replace(fit, shape=replace(shape, force_mm2=force_mm2))
-    clusters = ForceClusters()(model.nodes, force_mm2)
-    clusters = replace(clusters, covariance=np.tile(1e-8 * np.eye(6), (2, 1, 1)))
-    for changed, expected in (((weak,), remains), ((strong, weak), 2)):
-        change_mm2 = np.zeros((1, len(place_mm), 3))
-        change_mm2[0, changed, 2] = share * force_mm2[changed, 2]
-        response = ParameterResponse(
-            change_mm=np.zeros_like(change_mm2),
-            force_change_mm2=change_mm2,
-            by_outline_mm2=np.zeros(len(place_mm)),
-            normal_mm2=-force_mm2[:, 2],
-            total_mm2=1.1,
-            balance_slope=np.zeros_like(force_mm2),
-            image_slope_px=np.zeros((markers, 2)),
-        )
-        found, _ = rules.certain(model, clusters, fit, response)
+    fit, clusters, (strong, weak) = two_forces(model)
+    for changed, expected in (([weak], remains), ([strong, weak], 2)):
+        found, _ = rules.certain(model, clusters, fit, response_of(fit, changed, share), NOTHING_BEFORE)
         assert len(found) == expected
+
+
+@pytest.mark.parametrize(
+    ("is_assumed", "before_mm", "remains"), [(True, 1.0, 2), (True, 7.0, 1), (False, 1.0, 1)]
+)
+def test_on_an_assumed_sheet_a_contact_lasts_whatever_the_parameters_explain(
+    is_assumed: bool, before_mm: float, remains: int
+) -> None:
+    """A contact of the frame before is this far from the weak force."""
+    model, rules = replace(NominalSheet()(slack_sensor()), is_assumed=is_assumed), ContactRules()
+    fit, clusters, (_, weak) = two_forces(model)
+    touching_mm = model.nodes.place_mm[[weak]] + [0.0, before_mm]
+    found, _ = rules.certain(model, clusters, fit, response_of(fit, [weak], 0.7), touching_mm)
+    assert len(found) == remains
 
 
 def test_a_contact_near_the_clamp_is_followed_while_it_is_released() -> None:
