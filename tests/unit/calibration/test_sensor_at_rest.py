@@ -165,6 +165,49 @@ def test_a_calibrated_pad_has_the_rest_of_the_whole_recording_when_it_is_process
     assert error_px(registered(whole_recording=True)) < 0.2
 
 
+def clamped() -> Sensor:
+    """The sensor that `clips.picture` shows, as a clamped sheet."""
+    size_mm = np.array([(COLUMNS + 1) * PITCH_MM[0], (ROWS + 1) * PITCH_MM[1]])
+    return replace(gel(), sheet=Sheet(size_mm=size_mm, thickness_mm=2.0, young_MPa=0.5, poisson=0.45))
+
+
+def registered_sheet(press_of: Callable[[int], float], *, whole_recording: bool = True) -> tuple[Sensor, int]:
+    """The sheet, registered to a recording of 100 frames, and how many frames were read for it."""
+    source = begins_pressed(100, press_of)
+    job = prepare(source, sensor=clamped(), whole_recording=whole_recording)
+    return job.sensor, len(source.taken)
+
+
+@pytest.mark.parametrize("press_px", [2.0, 9.0])
+def test_a_known_sheet_that_is_pressed_at_first_is_at_rest_where_its_markers_are_nearest_to_its_file(
+    press_px: float,
+) -> None:
+    def press_of(index: int) -> float:
+        return press_px if index < 40 else 0.0
+
+    first, _ = registered_sheet(press_of, whole_recording=False)
+    assert error_px(first) > 0.5
+    sensor, read = registered_sheet(press_of)
+    assert read > 100
+    assert error_px(sensor) < 0.2
+    assert any("nearest to their places in the sensor file" in line for line in sensor.assumptions)
+    still = sensor.provenance["still_frames"]
+    assert isinstance(still, list)
+    assert min(still) >= 40
+    assert sensor.rest_frames == len(still)
+
+
+def test_a_known_sheet_that_begins_untouched_is_not_read_twice() -> None:
+    sensor, read = registered_sheet(lambda index: 9.0 if 30 <= index < 90 else 0.0)
+    assert error_px(sensor) < 0.2
+    assert read <= 16
+
+
+def test_a_known_sheet_that_is_pressed_throughout_keeps_what_its_first_frames_show() -> None:
+    sensor, _ = registered_sheet(lambda _: 2.0)
+    assert sensor.provenance["rest_frames"] == 15
+
+
 def test_images_are_a_recording_where_their_rate_is_known() -> None:
     """Others need not follow each other in time, so that their first ones are the rest."""
 

@@ -91,7 +91,7 @@ class RestArrangement:
     """Frames that show the markers at the same positions.
 
     Attributes:
-        frames: numbers of its frames among those that were compared.
+        frames: numbers of its frames, among those that were compared or of the recording.
         score: their number times that of their separate visits.
         position_px: (m, 2) median, NaN where not seen.
     """
@@ -154,21 +154,73 @@ def rest_of_recording(
 ) -> SettledRest:
     """The rest that a whole recording shows.
 
-    Pairs of consecutive frames, spread evenly over the first `MOST_READ` frames, are searched for markers.
-
     Args:
         sensor: from the first frames.
         frames: of the recording from its beginning.
         frame_count: expected number of frames; None when not known.
         roi_px: x, y, width, height of the region of interest.
     """
+    return settle_rest(sensor, *_tracked_pairs(sensor, frames, frame_count, roi_px))
+
+
+def arrangements_of_recording(
+    sensor: Sensor, frames: Iterable[Frame], *, frame_count: int | None = None, roi_px: Roi | None = None
+) -> list[RestArrangement]:
+    """The arrangements of the markers that a whole recording shows in `_FEWEST_STILL` frames or more.
+
+    Args:
+        sensor: from the first frames, with `rest_px`.
+        frames, frame_count, roi_px: see `rest_of_recording`.
+    """
+    layout = sensor.layout
+    if layout is None or layout.rest_px is None or len(layout.rest_px) < _FEWEST_MARKERS:
+        return []
+    grids, indices = _tracked_pairs(sensor, frames, frame_count, roi_px)
+    place_px = [_places_px(each) for each in grids]
+    compare = _Comparison(layout.rest_px)
+    compared = _compared_frames(grids, indices, place_px, compare)
+    if not compared:
+        return []
+    found = _arrangements(np.stack([place_px[k] for k in compared]), compare)
+    return [
+        replace(each, frames=tuple(indices[compared[k]] for k in each.frames))
+        for each in found
+        if len(each.frames) >= _FEWEST_STILL
+    ]
+
+
+def _tracked_pairs(
+    sensor: Sensor, frames: Iterable[Frame], frame_count: int | None, roi_px: Roi | None
+) -> tuple[list[TrackedGrid], list[int]]:
+    """Markers and indices of pairs of consecutive frames, spread evenly over the first `MOST_READ` frames."""
     from manytouch.detection import DotSearch
 
     stride = 2 * max(1, -(-min(frame_count or MOST_READ, MOST_READ) // MOST_TRACKED))
     pairs = (frame for k, frame in enumerate(islice(frames, MOST_READ)) if k % stride < 2)
     tracked = track_frames(DotSearch(roi_px=roi_px), MarkerTracker(roi_px=roi_px), pairs, sensor)
     found = [(each.frame.index, each.grid) for each in tracked]
-    return settle_rest(sensor, [grid for _, grid in found], [index for index, _ in found])
+    return [grid for _, grid in found], [index for index, _ in found]
+
+
+def _places_px(grid: TrackedGrid) -> Points2:
+    """(m, 2) places of the markers, NaN where not seen."""
+    return np.where(grid.is_seen[:, None], grid.position_px, np.nan)
+
+
+def _compared_frames(
+    grids: Sequence[TrackedGrid], indices: Sequence[int], place_px: Sequence[Points2], compare: _Comparison
+) -> list[int]:
+    """Still frames, at most `_MOST_COMPARED` of them; none if fewer than two are still."""
+    usable = [k for k, each in enumerate(grids) if each.status is Status.OK]
+    still = [
+        k
+        for k, after in pairwise(usable)
+        if indices[after] == indices[k] + 1
+        and compare.usual_motion(place_px[k], place_px[after]) < _STILL_PITCHES
+    ]
+    if len(still) < 2:
+        return []
+    return [still[k] for k in np.unique(np.linspace(0, len(still) - 1, _MOST_COMPARED).round().astype(int))]
 
 
 def with_unrelated_pictures(sensor: Sensor, frames: Sequence[Frame], roi_px: Roi | None = None) -> Sensor:
@@ -199,20 +251,12 @@ def settle_rest(sensor: Sensor, grids: Sequence[TrackedGrid], indices: Sequence[
     layout = sensor.layout
     if layout is None or layout.rest_px is None or len(layout.rest_px) < _FEWEST_MARKERS:
         return SettledRest(sensor=sensor)
-    place_px = [np.where(each.is_seen[:, None], each.position_px, np.nan) for each in grids]
+    place_px = [_places_px(each) for each in grids]
     usable = [k for k, each in enumerate(grids) if each.status is Status.OK]
     compare = _Comparison(layout.rest_px)
-    still = [
-        k
-        for k, after in pairwise(usable)
-        if indices[after] == indices[k] + 1
-        and compare.usual_motion(place_px[k], place_px[after]) < _STILL_PITCHES
-    ]
-    if len(still) < 2:
+    compared = _compared_frames(grids, indices, place_px, compare)
+    if not compared:
         return _doubtful(sensor, RestDoubt.NEVER_STILL)
-    compared = [
-        still[k] for k in np.unique(np.linspace(0, len(still) - 1, _MOST_COMPARED).round().astype(int))
-    ]
     sample = np.stack([place_px[k] for k in compared])
     first_px = layout.rest_px
     from_first = np.array([compare.group_motion(first_px, each) for each in sample])

@@ -7,6 +7,7 @@ from functools import partial
 from manytouch.calibration import register_rest, rest_of_recording, sensor_from_rest
 from manytouch.calibration.outline.pad_outline import pad_of
 from manytouch.calibration.rest.adapt_nominal import register_nominal
+from manytouch.calibration.rest.register_rest import may_begin_pressed, register_to_recording
 from manytouch.calibration.rest.whole_recording import is_still, with_doubt_of_start, with_unrelated_pictures
 from manytouch.errors import SourceError
 from manytouch.session.result_hashes import Pitch
@@ -132,10 +133,13 @@ def _with_whole_recording(
         return found if has_sensor else with_unrelated_pictures(found, spread_frames(source), roi_px)
     is_calibrated_pad = given is not None and pad_of(given) is not None and not given.is_nominal
     is_nominal = given is not None and given.is_nominal
-    if has_sensor and not is_nominal and not is_calibrated_pad:
+    is_known_sheet = has_sensor and not is_nominal and not is_calibrated_pad
+    if is_known_sheet and (given is None or not may_begin_pressed(given, found)):
         return found
     if on_message is not None:
         on_message("reading the whole recording once, for the rest positions of its markers")
+    if is_known_sheet and given is not None:
+        return register_to_recording(given, found, source, frame_count=source.frame_count, roi_px=roi_px)
     settled = rest_of_recording(found, source, frame_count=source.frame_count, roi_px=roi_px)
     # recordings with a calibrated file should begin at rest: only a result without doubt corrects that
     return found if settled.doubt is not None and is_calibrated_pad else settled.sensor

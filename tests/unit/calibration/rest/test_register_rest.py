@@ -11,7 +11,11 @@ from manytouch.calibration import examine, register_rest, sensor_from_rest
 from manytouch.calibration.rest import register_rest as reference
 from manytouch.calibration.rest.assumed_sensor import sensor_from_dots
 from manytouch.calibration.rest.local_bulge import bulge_in_pitches
-from manytouch.calibration.rest.register_rest import register_dots
+from manytouch.calibration.rest.register_rest import (
+    may_begin_pressed,
+    register_dots,
+    register_to_recording,
+)
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT
 from manytouch.calibration.rest_dots import confirm_rest_dots, merge_rest_dots
 from manytouch.errors import LayoutError, SensorError, SourceError
@@ -306,6 +310,24 @@ def test_of_two_still_places_in_the_first_frames_the_one_of_the_sensor_file_is_r
     found = register_rest(replace(sensor, layout=replace(sensor.layout, polarity="dark")), frames)
     assert found.provenance["rest_frames"] == untouched[1] - untouched[0]
     assert np.abs(found.layout.rest_px - rest_px).max() < 0.5
+
+
+@pytest.mark.parametrize(("later_px", "is_taken"), [(0.0, True), (9.0, False)])
+def test_measured_places_replace_those_of_the_file_where_the_sheet_is_released(later_px, is_taken):
+    """It is touched at first; later it is at rest, or touched less, with a print that is off by 0.4 px."""
+    sensor = demo_sensor(1280)
+    sensor = replace(sensor, layout=replace(sensor.layout, polarity="dark"))
+    touched = frames_of(picture(pressed_px(sensor, 12.0), 5, 1280, 720), 5)
+    registered = register_rest(sensor, touched)
+    assert "the sheet was touched" in registered.assumptions[-1]
+    assert may_begin_pressed(sensor, registered)
+    later = frames_of(picture(pressed_px(sensor, later_px) + 0.4, 5, 1280, 720), 6)
+    frames = [replace(frame, index=k) for k, frame in enumerate([*touched, *later])]
+    found = register_to_recording(sensor, registered, frames, frame_count=len(frames))
+    assert (found is not registered) == is_taken
+    if is_taken:
+        assert np.abs(found.layout.rest_px - pressed_px(sensor, 0.0) - 0.4).max() < 0.2
+        assert not any("was touched" in sentence for sentence in found.assumptions)
 
 
 def test_pose_lens_and_print_are_not_taken_for_a_touch():
