@@ -31,6 +31,8 @@ _LESS_TOUCHED_PITCHES = 0.01
 """Frames are rest instead of the most probable ones if the largest distance of markers from their places in
 the sensor file is this much less. In the moving scenes of `benchmarks/random_scenes.py` it is below 0.001 at
 rest, also with drawn sensor files, and 0.006 to 0.1 in pressed frames (ADR 139)."""
+_UNEVEN_PITCHES = 0.02
+"""A distance above this is stated: that of a press 0.8 mm deep on a sheet of 1.8 mm (ADR 139)."""
 _LEAST_SHARE = 0.5
 """Least share of the markers that must be found."""
 _UNUSUAL_STDS = 4.0
@@ -302,6 +304,11 @@ def _registered(
     if found < wanted:
         sentence += (
             f" {wanted - found} of {wanted} markers were not seen in them; their positions are interpolated."
+        )
+    if bulge > _UNEVEN_PITCHES:
+        sentence += (
+            f" They depart from their places in the sensor file by {bulge:.2f} pitches at one place, by an "
+            "uneven print or a light touch: tare while nothing touches the sheet if results are not 0 then."
         )
     camera = sensor.camera
     if sensor.sheet is not None and sensor.sheet.boundary == "clamped" and not camera.views:

@@ -330,6 +330,13 @@ def test_measured_places_replace_those_of_the_file_where_the_sheet_is_released(l
         assert not any("was touched" in sentence for sentence in found.assumptions)
 
 
+@pytest.mark.parametrize(("depth_px", "is_stated"), [(0.3, False), (3.0, True)])
+def test_a_light_touch_or_an_uneven_print_is_stated(depth_px, is_stated):
+    sensor = demo_sensor(1280)
+    found = register_dots(sensor, pressed_px(sensor, depth_px))
+    assert ("uneven print or a light touch: tare" in found.assumptions[-1]) == is_stated
+
+
 def test_pose_lens_and_print_are_not_taken_for_a_touch():
     sensor = demo_sensor(1280)
     camera, rest_mm = sensor.camera, sensor.layout.rest_mm
