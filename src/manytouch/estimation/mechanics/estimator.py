@@ -193,8 +193,7 @@ class MechanicsEstimator:
             shape.coefficient_mm,
             clusters,
             forces.evidence,
-            state.touching_mm,
-            previous_frames=state.tracks.touching_frames,
+            state.previous_contacts,
             earlier=state.previous,
         )
         clusters, stds = self.contact_rules.certain(model, clusters, fit, state.response, state.touching_mm)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from manytouch.estimation.contact_tracker import ContactTrackerState
-from manytouch.estimation.mechanics.clusters.force_clusters import EarlierClusters
+from manytouch.estimation.mechanics.clusters.force_clusters import EarlierClusters, PreviousContacts
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, SheetShape
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
@@ -78,6 +78,16 @@ class MechanicsState:
     def touching_mm(self) -> Points2:
         """(k, 2) centres of the contacts of the previous frame."""
         return np.array([contact.centre_mm for contact in self.tracks.touching]).reshape(-1, 2)
+
+    @property
+    def previous_contacts(self) -> PreviousContacts:
+        """The contacts of the previous frame."""
+        forces_mm2 = [contact.normal_force_over_E_mm2 for contact in self.tracks.touching]
+        return PreviousContacts(
+            centre_mm=self.touching_mm,
+            normal_mm2=np.array(forces_mm2, dtype=np.float64),
+            frames=self.tracks.touching_frames,
+        )
 
     def with_fit(self, fit: Fit) -> "MechanicsState":
         """The state after a fit."""

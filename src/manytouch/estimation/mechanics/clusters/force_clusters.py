@@ -180,6 +180,21 @@ class Clusters:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PreviousContacts:
+    """The contacts of the previous frame.
+
+    Attributes:
+        centre_mm: (p, 2).
+        normal_mm2: (p,) normal force over E, positive in compression.
+        frames: (p,) number of frames that showed each of them.
+    """
+
+    centre_mm: Float64[np.ndarray, "p 2"]
+    normal_mm2: Float64[np.ndarray, " p"]
+    frames: Int64[np.ndarray, " p"]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class EarlierClusters:
     """Clusters of the previous frame, contacts or not.
 

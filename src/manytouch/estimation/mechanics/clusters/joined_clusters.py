@@ -3,10 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Bool, Float64, Int64
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from manytouch.estimation.mechanics.clusters.face_fits import CORNERS
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
+from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes
 from manytouch.values.arrays import Scalars
 
 
@@ -95,3 +98,71 @@ def _joint_covariance(each: Float64[np.ndarray, "k 6 6"], share: Scalars) -> Flo
     for part, covariance in zip(scale, each, strict=True):
         total += part[:, None] * covariance * part
     return total
+
+
+def is_in_none(faces: list[Int64[np.ndarray, " k"]], count: int) -> Bool[np.ndarray, " c"]:
+    """(c,) whether each of `count` clusters is in no face."""
+    is_left = np.ones(count, dtype=np.bool_)
+    for face in faces:
+        is_left[face] = False
+    return is_left
+
+
+def connected_groups(is_joined: Bool[np.ndarray, "c c"], least: int = 2) -> list[Int64[np.ndarray, " k"]]:
+    """Groups of so many clusters or more that pairs connect."""
+    if not is_joined.any():
+        return []
+    groups, label = connected_components(csr_array(is_joined), directed=False)
+    found = [np.flatnonzero(label == group) for group in range(groups)]
+    return [own for own in found if len(own) >= least]
+
+
+def with_enclosed(
+    clusters: Clusters, nodes: ForceNodes, own: Int64[np.ndarray, " k"], group: Int64[np.ndarray, " g"]
+) -> Int64[np.ndarray, " _"]:
+    """The clusters of a face with those of the group within the ellipse of its pressure."""
+    centre_mm, spread = joint_moments(clusters, own)
+    arm_mm = clusters.centre_mm[group] - centre_mm
+    spread += np.diag(nodes.own_spread_mm2)
+    within = np.einsum("ki,ki->k", arm_mm, np.linalg.solve(spread, arm_mm.T).T) <= 4.0
+    return np.union1d(own, group[within])
+
+
+def corner_points(
+    clusters: Clusters, own: Int64[np.ndarray, " k"], edge_share: float, max_edge_mm: float
+) -> Float64[np.ndarray, "_ 2"]:
+    """Points around each place where a face presses.
+
+    The pressure is highest at the edge, so that only a part of its extent lies within the face.
+
+    Args:
+        clusters: of a frame.
+        own: numbers of those of the face.
+        edge_share, max_edge_mm: that part, see `RigidFaces`.
+    """
+    size, axes = np.linalg.eigh(clusters.spread_mm2[own])
+    half_mm = edge_share * 2.0 * np.sqrt(np.maximum(size, 0.0))
+    arm_mm = axes.transpose(0, 2, 1) * np.minimum(half_mm, max_edge_mm)[:, :, None]
+    around_mm = clusters.centre_mm[own][:, None] + np.concatenate([arm_mm, -arm_mm], axis=1)
+    return np.asarray(around_mm.reshape(-1, 2))
+
+
+def is_between(
+    point_mm: Float64[np.ndarray, "p 2"],
+    ends_mm: Float64[np.ndarray, "2 2"],
+    reach_mm: float,
+    least_share: float,
+) -> Bool[np.ndarray, " p"]:
+    """(p,) whether points are within a distance of the line between two ends, and away from both.
+
+    Args:
+        point_mm: (p, 2).
+        ends_mm: (2, 2) the ends.
+        reach_mm: the distance.
+        least_share: least distance from either end, over their distance.
+    """
+    along_mm = ends_mm[1] - ends_mm[0]
+    arm_mm = point_mm - ends_mm[0]
+    share = arm_mm @ along_mm / float(along_mm @ along_mm)
+    away_mm = np.linalg.norm(arm_mm - share[:, None] * along_mm, axis=1)
+    return np.asarray((away_mm <= reach_mm) & (share >= least_share) & (share <= 1.0 - least_share))

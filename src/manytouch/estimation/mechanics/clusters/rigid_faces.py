@@ -12,25 +12,34 @@ addition, clusters that fulfil it are joined
 - if there are two, and a bar explains the markers as well as two patches do (`bars`);
 - if there are two that are not near each other, or three that are not in a row, and they began together and
   are about as deep and as strong: a face that presses with its ends only is the same load as two balls;
-- if there are two that the markers showed as one contact before, and their force has not grown since.
+- if there are two that the markers showed as one contact before, and their force has not grown since;
+- if two among others are about as deep and as strong, and were one contact in the previous frame.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
+from jaxtyping import Bool, Int64
 
 from manytouch.estimation.mechanics.clusters.bars import BarRule
 from manytouch.estimation.mechanics.clusters.evidence import EvidenceAt
 from manytouch.estimation.mechanics.clusters.force_clusters import (
     Clusters,
     EarlierClusters,
+    PreviousContacts,
     nearest_within,
 )
-from manytouch.estimation.mechanics.clusters.joined_clusters import join_clusters, joint_moments, rectangle
+from manytouch.estimation.mechanics.clusters.joined_clusters import (
+    connected_groups,
+    corner_points,
+    is_between,
+    is_in_none,
+    join_clusters,
+    joint_moments,
+    rectangle,
+    with_enclosed,
+)
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.markers.images import Face
@@ -56,7 +65,7 @@ class _Frame:
         depth_mm: (c,) depth of the sheet at their centres.
         was_apart: (c, c) pairs that were two contacts in the previous frame.
         was_long_apart: (c, c) those of them that have been for more than `RigidFaces.undecided_frames`.
-        previous_mm: (p, 2) centres of the contacts of the previous frame.
+        previous: contacts of the previous frame.
         evidence_at: gives the likelihood of the forces of some nodes.
     """
 
@@ -65,7 +74,7 @@ class _Frame:
     depth_mm: Scalars
     was_apart: Pairs
     was_long_apart: Pairs
-    previous_mm: Float64[np.ndarray, "p 2"]
+    previous: PreviousContacts
     evidence_at: EvidenceAt
 
 
@@ -80,9 +89,9 @@ class RigidFaces:
         max_pair_thickness: largest distance of two clusters of one face.
         resolved_thickness: two contacts at this distance are seen as two when they begin. On nearer ones only
             the markers decide, where they can.
-        kept_thickness: the same for two clusters that continue one contact: those at a larger distance stay
-            one if they are about as deep and as strong. Chosen between balls 3.0 thicknesses apart, which can
-            begin as one contact, and blocks and cylinders that come to press with ends 3.4 to 4.0 apart.
+        kept_thickness: the same for two clusters that continue one contact. Chosen between balls 3.0
+            thicknesses apart, which can begin as one, and blocks and cylinders that come to press with ends
+            3.4 to 4.0 apart.
         min_pair_elements: least distance of two or three clusters that began together, in elements; nearer
             ones are joined only if they continue one contact.
         undecided_frames: four clusters or more may be one face as long as no two of them were contacts, one
@@ -90,6 +99,10 @@ class RigidFaces:
             were 0, 3, 5 and 8.
         same_centre_pitch: clusters continue a contact of the previous frame if the centre of their forces is
             within this distance of its centre, in pitches.
+        max_jump: two clusters among others, or far apart with a contact between them, continue that contact
+            if their force is at most this factor of its force. A fainter one may have been seen as one only
+            because it was faint.
+        min_between: least distance of that contact from either of them, over their distance.
         unchanged_thickness: least distance of two clusters for `max_growth`. Two balls 2.0 thicknesses apart
             can be one contact while their force grows; ends of cylinders are 2.5 and more apart.
         max_growth: two clusters that continue one contact stay one as long as their force is at most this
@@ -117,6 +130,8 @@ class RigidFaces:
     min_pair_elements: float = 4.5
     undecided_frames: int = 3
     same_centre_pitch: float = 0.4
+    max_jump: float = 2.0
+    min_between: float = 0.15
     unchanged_thickness: float = 2.3
     max_growth: float = 1.1
     released: float = 0.8
@@ -137,9 +152,8 @@ class RigidFaces:
         coefficient_mm: Nodal,
         clusters: Clusters,
         evidence_at: EvidenceAt,
-        previous_mm: Float64[np.ndarray, "p 2"],
+        previous: PreviousContacts,
         *,
-        previous_frames: Int64[np.ndarray, " p"],
         earlier: EarlierClusters,
     ) -> Clusters:
         """The clusters with those of one face joined, the strongest first.
@@ -149,30 +163,29 @@ class RigidFaces:
             coefficient_mm: (nodes, 3) shape of the sheet.
             clusters: of this frame.
             evidence_at: gives the likelihood of the forces of some nodes.
-            previous_mm: (p, 2) centres of the contacts of the previous frame.
-            previous_frames: (p,) number of frames that showed each of these.
+            previous: contacts of the previous frame.
             earlier: clusters of the previous frame.
         """
         if len(clusters) < 2:
             return clusters
         depth_mm, is_flat, is_about_flat = self._flat_pairs(model, coefficient_mm, clusters.centre_mm)
-        before = nearest_within(clusters.centre_mm, previous_mm, self.reach_pitch * model.pitch_mm)
+        before = nearest_within(clusters.centre_mm, previous.centre_mm, self.reach_pitch * model.pitch_mm)
         was_apart = (before[:, None] >= 0) & (before >= 0) & (before[:, None] != before)
-        frames = np.append(previous_frames, 0)[before]
+        frames = np.append(previous.frames, 0)[before]
         frame = _Frame(
             model=model,
             clusters=clusters,
             depth_mm=depth_mm,
             was_apart=was_apart,
             was_long_apart=was_apart & (np.maximum.outer(frames, frames) > self.undecided_frames),
-            previous_mm=previous_mm,
+            previous=previous,
             evidence_at=evidence_at,
         )
         faces = self._planes(frame, is_flat)
         for is_one, least in ((is_about_flat & self._are_alike(frame), 3), (is_about_flat, 2)):
-            is_left = _not_in(faces, len(clusters))
+            is_left = is_in_none(faces, len(clusters))
             faces += self._pairs_and_triples(frame, is_one & is_left & is_left[:, None], least)
-        is_left = _not_in(faces, len(clusters))
+        is_left = is_in_none(faces, len(clusters))
         is_pair = is_about_flat & ~frame.was_apart & is_left & is_left[:, None]
         kept_faces = self._unchanged_faces(frame, is_pair, earlier, is_left)
         joined = clusters
@@ -187,22 +200,39 @@ class RigidFaces:
     def _planes(self, frame: _Frame, is_flat: Pairs) -> list[Numbers]:
         """Faces of four clusters or more, or of three in a row, whose depths are on one plane."""
         faces = []
-        for group in _components(is_flat):
+        for group in connected_groups(is_flat):
             for own in self._without_weak(frame.clusters, group, _PLANE - 1):
                 apart = frame.was_apart if len(own) < _PLANE else frame.was_long_apart
                 if not apart[np.ix_(own, own)].any() and self._is_plane(frame, own):
-                    faces.append(_with_enclosed(frame, own, group))
+                    faces.append(with_enclosed(frame.clusters, frame.model.nodes, own, group))
                     break
         return faces
 
     def _pairs_and_triples(self, frame: _Frame, is_one: Pairs, least: int) -> list[Numbers]:
         """Faces of `least` clusters or more among groups of pairs that may be of one face."""
         faces = []
-        for group in _components(is_one, least):
+        for group in connected_groups(is_one, least):
             for own in self._without_weak(frame.clusters, group, least):
                 if self._is_one(frame, own):
-                    faces.append(_with_enclosed(frame, own, group))
+                    faces.append(with_enclosed(frame.clusters, frame.model.nodes, own, group))
                     break
+            else:
+                faces += self._kept_pairs(frame, is_one, group) if least == 2 and len(group) > 2 else []
+        return faces
+
+    def _kept_pairs(self, frame: _Frame, is_one: Pairs, group: Int64[np.ndarray, " g"]) -> list[Numbers]:
+        """Faces of the pairs of a group that were one contact in the previous frame, the nearest first."""
+        first, second = group[np.stack(np.triu_indices(len(group), 1))]
+        may_be = (is_one & self._are_alike(frame) & ~frame.was_apart)[first, second]
+        pairs = np.column_stack([first, second])[may_be]
+        away_mm = np.linalg.norm(np.diff(frame.clusters.centre_mm[pairs], axis=1)[:, 0], axis=1)
+        faces: list[Numbers] = []
+        for pair in pairs[np.argsort(away_mm, kind="stable")]:
+            own = pair[np.argsort(-frame.clusters.normal_mm2[pair], kind="stable")]
+            left = group[is_in_none(faces, len(frame.clusters))[group]]
+            is_left = np.isin(own, left).all()
+            if is_left and self._continues_one(frame, own, self.max_jump) and self._is_one(frame, own):
+                faces.append(with_enclosed(frame.clusters, frame.model.nodes, own, left))
         return faces
 
     def _unchanged_faces(
@@ -213,7 +243,7 @@ class RigidFaces:
         is_left = is_left.copy()
         for own in self._unchanged(frame, is_pair, earlier):
             if is_left[own].all():
-                faces.append(_with_enclosed(frame, own, np.flatnonzero(is_left)))
+                faces.append(with_enclosed(frame.clusters, frame.model.nodes, own, np.flatnonzero(is_left)))
                 is_left[faces[-1]] = False
         return faces
 
@@ -307,22 +337,29 @@ class RigidFaces:
         is_unchanged: bool = False,
     ) -> bool | None:
         """Whether the markers show a pair to be one bar; None where they do not determine it."""
-        return self.bars(
-            frame.model,
-            frame.clusters,
-            own,
-            frame.evidence_at,
-            was_two=was_two,
-            was_one=was_one,
-            is_unchanged=is_unchanged,
-        )
+        earlier = {"was_two": was_two, "was_one": was_one, "is_unchanged": is_unchanged}
+        return self.bars(frame.model, frame.clusters, own, frame.evidence_at, **earlier)
 
-    def _continues_one(self, frame: _Frame, own: Numbers) -> bool:
-        """Whether there was a contact at the centre of the forces of some clusters."""
-        force = frame.clusters.normal_mm2[own]
-        centre_mm = force @ frame.clusters.centre_mm[own] / force.sum()
-        away_mm = np.linalg.norm(frame.previous_mm - centre_mm, axis=1)
-        return bool((away_mm < self.same_centre_pitch * frame.model.pitch_mm).any())
+    def _continues_one(self, frame: _Frame, own: Numbers, max_jump: float = np.inf) -> bool:
+        """Whether there was a contact at the centre of the forces of clusters, or between two distant ones.
+
+        Contacts that are nearest to other clusters are not examined, nor those whose force has grown by more
+        than a factor; of contacts between two clusters it is `self.max_jump`.
+        """
+        clusters, previous = frame.clusters, frame.previous
+        force, place_mm = clusters.normal_mm2[own], clusters.centre_mm[own]
+        if len(previous.centre_mm) == 0:
+            return False
+        away_mm = np.linalg.norm(previous.centre_mm[:, None] - clusters.centre_mm, axis=2)
+        is_own = np.isin(away_mm.argmin(axis=1), own)
+        reach_mm = self.same_centre_pitch * frame.model.pitch_mm
+        off_mm = np.linalg.norm(previous.centre_mm - force @ place_mm / force.sum(), axis=1)
+        is_same = (off_mm < reach_mm) & (force.sum() / max_jump <= previous.normal_mm2)
+        gap_mm = float(np.linalg.norm(place_mm[-1] - place_mm[0]))
+        if len(own) == 2 and gap_mm >= self.resolved_thickness * frame.model.thickness_mm:
+            is_passed = is_between(previous.centre_mm, place_mm, reach_mm, self.min_between)
+            is_same |= is_passed & (force.sum() / self.max_jump <= previous.normal_mm2)
+        return bool((is_same & is_own).any())
 
     def _began_as_one(self, frame: _Frame, own: Numbers, *, was_one: bool) -> bool:
         """Whether two or three clusters are alike, and either clearly apart or the parts of one contact."""
@@ -354,44 +391,7 @@ class RigidFaces:
         if len(own) == 2:
             corner_points_mm = rectangle(*joint_moments(clusters, own))
         else:
-            corner_points_mm = self._corner_points(clusters, own)
+            corner_points_mm = corner_points(clusters, own, self.edge_share, self.max_edge_mm)
         return join_clusters(
             joined, clusters, own, corner_points_mm=corner_points_mm, is_one_as_before=is_one_as_before
         )
-
-    def _corner_points(self, clusters: Clusters, own: Int64[np.ndarray, " k"]) -> Float64[np.ndarray, "_ 2"]:
-        """Points around each place where a face presses.
-
-        The pressure is highest at the edge, so that only a part of its extent lies within the face.
-        """
-        size, axes = np.linalg.eigh(clusters.spread_mm2[own])
-        half_mm = self.edge_share * 2.0 * np.sqrt(np.maximum(size, 0.0))
-        arm_mm = axes.transpose(0, 2, 1) * np.minimum(half_mm, self.max_edge_mm)[:, :, None]
-        around_mm = clusters.centre_mm[own][:, None] + np.concatenate([arm_mm, -arm_mm], axis=1)
-        return np.asarray(around_mm.reshape(-1, 2))
-
-
-def _with_enclosed(frame: _Frame, own: Numbers, group: Int64[np.ndarray, " g"]) -> Int64[np.ndarray, " _"]:
-    """The clusters of a face with those of the group within the ellipse of its pressure."""
-    centre_mm, spread = joint_moments(frame.clusters, own)
-    arm_mm = frame.clusters.centre_mm[group] - centre_mm
-    spread += np.diag(frame.model.nodes.own_spread_mm2)
-    within = np.einsum("ki,ki->k", arm_mm, np.linalg.solve(spread, arm_mm.T).T) <= 4.0
-    return np.union1d(own, group[within])
-
-
-def _not_in(faces: list[Numbers], count: int) -> Bool[np.ndarray, " c"]:
-    """(c,) whether each of `count` clusters is in no face."""
-    is_left = np.ones(count, dtype=np.bool_)
-    for face in faces:
-        is_left[face] = False
-    return is_left
-
-
-def _components(is_joined: np.ndarray, least: int = 2) -> list[Int64[np.ndarray, " k"]]:
-    """Connected groups of so many clusters or more."""
-    if not is_joined.any():
-        return []
-    groups, label = connected_components(csr_array(is_joined), directed=False)
-    found = [np.flatnonzero(label == group) for group in range(groups)]
-    return [own for own in found if len(own) >= least]

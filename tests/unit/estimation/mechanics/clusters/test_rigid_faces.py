@@ -9,6 +9,7 @@ from manytouch.estimation.mechanics.clusters.evidence import Evidence
 from manytouch.estimation.mechanics.clusters.force_clusters import (
     Clusters,
     EarlierClusters,
+    PreviousContacts,
     cluster_moments,
 )
 from manytouch.estimation.mechanics.clusters.rigid_faces import RigidFaces
@@ -67,6 +68,7 @@ def joined(
     previous_mm: np.ndarray = NO_CONTACT,
     *,
     previous_frames: int = 9,
+    previous_mm2: float = 1.0,
     earlier: EarlierClusters = NO_CLUSTERS,
     evidence: Evidence | None = None,
     faces: RigidFaces = FACES,
@@ -84,8 +86,11 @@ def joined(
         coefficient_mm,
         cluster_moments(model.nodes, nodal_mm2, label),
         lambda node: evidence,
-        previous_mm,
-        previous_frames=np.full(len(previous_mm), previous_frames),
+        PreviousContacts(
+            centre_mm=previous_mm,
+            normal_mm2=np.full(len(previous_mm), previous_mm2),
+            frames=np.full(len(previous_mm), previous_frames),
+        ),
         earlier=earlier,
     )
 
@@ -157,6 +162,37 @@ def test_fewer_forces_that_were_apart_stay_apart(count: int) -> None:
     found = joined(place_mm, [1.0] * count, [0.01] * count, place_mm, previous_frames=1)
     assert len(found) == count
     assert len(joined(place_mm, [1.0] * count, [0.01] * count)) == 1
+
+
+ENDS_MM = np.array([[5.5, -1.4], [-5.5, -1.4]])
+
+
+@pytest.mark.parametrize(
+    ("before_mm", "before_mm2", "count"),
+    [
+        ([[0.0, -1.4], [0.0, 14.0]], 0.1, 2),
+        ([[-2.5, -1.4], [0.0, 14.0]], 0.1, 2),  # it was seen nearer to one end
+        ([[-2.5, -1.4], [0.0, 14.0]], 0.03, 3),  # it may have been seen as one because it was faint
+        ([[-4.8, -1.4], [0.0, 14.0]], 0.1, 3),  # the contact was that at one end
+        ([[0.0, 14.0]], 0.1, 3),
+    ],
+)
+def test_two_ends_that_were_one_contact_stay_one_next_to_another_body(
+    before_mm: list[list[float]], before_mm2: float, count: int
+) -> None:
+    """The other body is a little deeper, so that the three are no face."""
+    place_mm = np.concatenate([ENDS_MM, [[0.0, 14.0]]])
+    found = joined(
+        place_mm, [1.0, 1.0, 1.07], [0.06, 0.05, 0.05], np.array(before_mm), previous_mm2=before_mm2
+    )
+    assert len(found) == count
+    assert found.normal_mm2.sum() == pytest.approx(0.16)
+
+
+def test_a_contact_between_two_others_is_not_what_they_were() -> None:
+    place_mm = np.concatenate([ENDS_MM, [[0.0, -1.4]]])
+    found = joined(place_mm, [1.0, 1.0, 1.5], [0.06, 0.05, 0.05], place_mm[2:], previous_mm2=0.1)
+    assert len(found) == 3
 
 
 @pytest.mark.parametrize(("force_mm2", "count"), [(0.002, 2), (0.008, 5)])
