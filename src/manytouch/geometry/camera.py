@@ -12,6 +12,9 @@ import numpy as np
 from manytouch.values import Camera
 from manytouch.values.arrays import Counts, Mask, Points2, Points3
 
+_MOST_REFINEMENTS = 12
+"""Each improves a ray by a factor of about 3 where the distortion moves it by a fifth."""
+
 
 def camera_matrix(camera: Camera) -> np.ndarray:
     """(3, 3) matrix of the intrinsics (equation 9 of the paper)."""
@@ -73,9 +76,38 @@ def ray(camera: Camera, pixel: Points2) -> Points2:
         centre = np.array([camera.cx_px, camera.cy_px])
         plain: Points2 = (points.reshape(-1, 2) - centre) / np.array([camera.fx_px, camera.fy_px])
         return plain
-    function = cv2.fisheye.undistortPoints if camera.model == "fisheye" else cv2.undistortPoints
-    bent: Points2 = np.asarray(function(points, camera_matrix(camera), camera.distortion)).reshape(-1, 2)
-    return bent
+    matrix = camera_matrix(camera)
+    if camera.model == "fisheye":
+        wide: Points2 = np.asarray(cv2.fisheye.undistortPoints(points, matrix, camera.distortion))
+        return wide.reshape(-1, 2)
+    found = np.asarray(cv2.undistortPoints(points, matrix, camera.distortion)).reshape(-1, 2)
+    return _refined(camera, points.reshape(-1, 2), found)
+
+
+def _refined(camera: Camera, pixel: Points2, found: Points2) -> Points2:
+    """Rays (n, 2) of a pinhole camera that are improved until their pixels agree.
+
+    OpenCV ends after five iterations, up to 0.03 px off in corners of a picture with a distortion of -0.2.
+    A step is kept only where it comes nearer to the pixel.
+    """
+    focal_px = np.array([camera.fx_px, camera.fy_px])
+    off_px = _seen_at(camera, found) - pixel
+    for _ in range(_MOST_REFINEMENTS):
+        tried = found - off_px / focal_px
+        tried_px = _seen_at(camera, tried) - pixel
+        is_nearer = (np.square(tried_px).sum(axis=1) < np.square(off_px).sum(axis=1))[:, None]
+        if not is_nearer.any():
+            break
+        found, off_px = np.where(is_nearer, tried, found), np.where(is_nearer, tried_px, off_px)
+    return found
+
+
+def _seen_at(camera: Camera, direction: Points2) -> Points2:
+    """Pixels of rays x/z, y/z (n, 2)."""
+    point = np.column_stack([direction, np.ones(len(direction))]).reshape(-1, 1, 3)
+    zero = np.zeros((3, 1))
+    pixels, _ = cv2.projectPoints(point, zero, zero, camera_matrix(camera), camera.distortion)
+    return np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
 
 
 def onto_plane(camera: Camera, pixel: Points2, z_mm: float = 0.0) -> Points3:

@@ -37,6 +37,14 @@ def test_a_point_comes_back_from_its_pixel(seen_by: Camera, x: float, y: float, 
     np.testing.assert_allclose(onto_plane(seen_by, project(seen_by, point), z), point, atol=1e-4)
 
 
+@pytest.mark.parametrize("k1", [-0.2, -0.05, 0.2])
+def test_rays_of_the_corners_are_as_exact_as_those_of_the_middle(k1: float) -> None:
+    seen_by = camera(distortion=(k1, 0.05, 0.001, -0.002, 0.01), rotation_vector=np.zeros(3))
+    pixel = np.array([[800.0, 450.0], [20.0, 20.0], [1580.0, 880.0], [1580.0, 20.0], [np.nan, np.nan]])
+    again = project(seen_by, onto_plane(seen_by, pixel, 0.0))
+    np.testing.assert_allclose(again, pixel, atol=1e-3)
+
+
 def test_nominal_pose_is_the_textbook_pinhole() -> None:
     nominal = camera(rotation_vector=np.zeros(3), translation_mm=np.array([0.0, 0.0, 100.0]))
     pixel = project(nominal, np.array([[10.0, -5.0, 0.0]]))
