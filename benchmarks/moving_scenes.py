@@ -1,10 +1,9 @@
-"""Sensors and scenes for `random_scenes.py --moving`: larger sheets, deeper presses, bodies that move.
+"""Bodies and sensor files for `random_scenes.py --moving`: deeper presses, bodies that move, wrong numbers.
 
 Scene n is the same on every machine, and so is its sensor file with errors.
 """
 
 import math
-from collections.abc import Callable
 from copy import deepcopy
 from typing import Any
 
@@ -17,35 +16,6 @@ UNKNOWN_EVERY = 3
 
 
 Part = dict[str, Any]
-
-
-def moving_sheet(
-    draw: np.random.Generator,
-    name: str,
-    camera_of: Callable[[np.random.Generator, np.ndarray], Part],
-    markers_of: Callable[[np.random.Generator, np.ndarray, float], Part],
-) -> Part:
-    """A clamped sheet of 55 to 140 mm and 1.5 to 6 mm, slack or taut."""
-    thickness_mm = float(np.exp(draw.uniform(np.log(1.5), np.log(6.0))))
-    length_mm, aspect = float(draw.uniform(55.0, 140.0)), float(draw.uniform(0.6, 1.0))
-    pitch_mm = float(draw.uniform(max(2.0, length_mm / 36.0), min(8.0, length_mm / 12.0)))
-    count = np.maximum(np.round(np.array([length_mm, length_mm * aspect]) / pitch_mm - 1.0).astype(int), 8)
-    size_mm = (count + 1) * pitch_mm
-    young_MPa = float(10.0 ** draw.uniform(-0.7, 0.5))
-    stretch = float(draw.choice([0.0, draw.uniform(0.0, 0.03)]))
-    return {
-        "schema": 1,
-        "name": name,
-        "camera": camera_of(draw, size_mm),
-        "sheet": {
-            "size_mm": size_mm.tolist(),
-            "thickness_mm": thickness_mm,
-            "young_MPa": young_MPa,
-            "poisson": float(draw.uniform(0.3, 0.49)),
-            "pretension_N_per_mm": 2.0 * stretch * young_MPa * thickness_mm,
-        },
-        "markers": markers_of(draw, count, pitch_mm),
-    }
 
 
 def _shape(draw: np.random.Generator) -> Part:

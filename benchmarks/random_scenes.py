@@ -21,7 +21,7 @@ import numpy as np
 import tomlkit
 from moving_scenes import SECONDS as MOVING_SECONDS
 from moving_scenes import SEED as MOVING_SEED
-from moving_scenes import moving_bodies, moving_sheet, sensor_with_errors
+from moving_scenes import moving_bodies, sensor_with_errors
 
 from manytouch.evaluation.evaluated_recordings.folders import load_result, load_truth
 from manytouch.evaluation.metrics.comparison import MethodErrors, compare, figures, pooled
@@ -66,9 +66,36 @@ def sheet_sensor(draw: np.random.Generator, name: str) -> dict[str, Any]:
     """A clamped sheet of 34 to 80 mm, slack or taut."""
     thickness_mm, pitch_mm = float(draw.uniform(1.5, 4.0)), float(draw.uniform(2.0, 4.5))
     count = np.maximum(draw.integers([9, 8], [17, 14]), int(np.ceil(34.0 / pitch_mm)))
+    return clamped_sensor(
+        draw, name, count, pitch_mm, thickness_mm=thickness_mm, most_stretch=0.02, least_poisson=0.4
+    )
+
+
+def moving_sensor(draw: np.random.Generator, name: str) -> dict[str, Any]:
+    """A clamped sheet of 55 to 140 mm and 1.5 to 6 mm, slack or taut."""
+    thickness_mm = float(np.exp(draw.uniform(np.log(1.5), np.log(6.0))))
+    length_mm, aspect = float(draw.uniform(55.0, 140.0)), float(draw.uniform(0.6, 1.0))
+    pitch_mm = float(draw.uniform(max(2.0, length_mm / 36.0), min(8.0, length_mm / 12.0)))
+    count = np.maximum(np.round(np.array([length_mm, length_mm * aspect]) / pitch_mm - 1.0).astype(int), 8)
+    return clamped_sensor(
+        draw, name, count, pitch_mm, thickness_mm=thickness_mm, most_stretch=0.03, least_poisson=0.3
+    )
+
+
+def clamped_sensor(
+    draw: np.random.Generator,
+    name: str,
+    count: np.ndarray,
+    pitch_mm: float,
+    *,
+    thickness_mm: float,
+    most_stretch: float,
+    least_poisson: float,
+) -> dict[str, Any]:
+    """A clamped sheet with an edge of one pitch and E of 0.2 to 3.2 MPa; every second one is slack."""
     size_mm = (count + 1) * pitch_mm
     young_MPa = float(10.0 ** draw.uniform(-0.7, 0.5))
-    stretch = float(draw.choice([0.0, draw.uniform(0.0, 0.02)]))
+    stretch = float(draw.choice([0.0, draw.uniform(0.0, most_stretch)]))
     return {
         "schema": 1,
         "name": name,
@@ -77,7 +104,7 @@ def sheet_sensor(draw: np.random.Generator, name: str) -> dict[str, Any]:
             "size_mm": size_mm.tolist(),
             "thickness_mm": thickness_mm,
             "young_MPa": young_MPa,
-            "poisson": float(draw.uniform(0.4, 0.49)),
+            "poisson": float(draw.uniform(least_poisson, 0.49)),
             "pretension_N_per_mm": 2.0 * stretch * young_MPa * thickness_mm,
         },
         "markers": markers_of(draw, count, pitch_mm),
@@ -198,7 +225,7 @@ def sensor_and_scene(number: int, kind: str) -> tuple[dict[str, Any], dict[str, 
     name = f"{kind}-{number}"
     if kind == "moving":
         draw = np.random.default_rng(MOVING_SEED + number)
-        sensor = moving_sheet(draw, name, camera_of, markers_of)
+        sensor = moving_sensor(draw, name)
         bodies = moving_bodies(draw, sensor)
         solid = {"step_mm": 1.5, "element_mm": max(1.8, float(sensor["sheet"]["size_mm"][0]) / 44.0)}
         return sensor, scene_of(draw, name, sensor, bodies, seconds=MOVING_SECONDS, solid=solid)
