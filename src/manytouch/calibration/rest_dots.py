@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
-from manytouch.estimation.local_motion import LocalMotion, TouchMemory, marker_groups
+from manytouch.estimation.local_motion import LocalMotion, TouchMemory, largest_of_still, marker_groups
 from manytouch.geometry.centre_noise import centre_noise_px
 from manytouch.tracking.lattice.find import find_lattice, local_spacing
 from manytouch.values import Detections, Status
@@ -216,7 +216,11 @@ def _merge(group: list[Detections], frames: tuple[int, ...], *, moved: bool) -> 
     times = np.isfinite(table[..., 0]).sum(axis=0)
     table = table[:, times >= max(1.0, 0.4 * len(group))]
     still = _still_frames(table[..., :2])
-    return _medians_of_dots(table[still], tuple(frames[k] for k in still), moved=moved)
+    part = table[still]
+    is_lost = ~np.isfinite(part[..., 0]).any(axis=0)
+    if is_lost.any():  # seen in other frames only
+        part[0, is_lost] = np.nanmedian(table[:, is_lost], axis=0)
+    return _medians_of_dots(part, tuple(frames[k] for k in still), moved=moved)
 
 
 def _still_frames(position_px: Float64[np.ndarray, "f n 2"]) -> Int64[np.ndarray, " k"]:
@@ -234,8 +238,9 @@ def _still_frames(position_px: Float64[np.ndarray, "f n 2"]) -> Int64[np.ndarray
     steps_px = np.linalg.norm(np.diff(position_px, axis=0), axis=2)
     std_pitch = float(np.median(steps_px, axis=1).min()) / (_MEDIAN_LENGTH * spacing_px)
     motion = LocalMotion(noise_stds=_NOISE_STDS)
-    limit, _ = motion.limits(TouchMemory(), std_pitch)
     groups, is_seen = marker_groups(position_px[0], spacing_px), np.ones(dots, dtype=np.bool_)
+    steps = [float(motion(groups, each, is_seen).max()) for each in np.diff(position_px, axis=0)]
+    limit = min(motion.limits(TouchMemory(), std_pitch)[0], largest_of_still(steps))
     for first_px in position_px[: count - _FEWEST_STILL + 1]:
         away = [float(motion(groups, each - first_px, is_seen).max()) for each in position_px]
         still = np.flatnonzero(np.array(away) <= limit)

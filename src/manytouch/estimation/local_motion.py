@@ -7,6 +7,7 @@ marker is a length that most of the group of it and its neighbours exceed. It is
 with what a soft sheet keeps of earlier presses while it creeps back.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,9 @@ from manytouch.geometry.neighbours import nearest_neighbours
 from manytouch.values.arrays import Mask, Points2, Scalars, read_only, read_only_view
 
 _AROUND = 5  # neighbours of a marker in its group
+_STEPS = 2.0
+"""Largest local motion of a still sheet over that between successive frames: a choice (ADR 143)."""
+_LEAST_MOTION = 0.0005  # in pitches; smaller ones are of no consequence
 _FEWEST = 12  # markers for a motion of the view with eight parameters; fewer only shift
 
 
@@ -67,6 +71,18 @@ def marker_groups(rest_mm: Points2, pitch_mm: float) -> MarkerGroups:
         view=read_only(np.stack(view)),
         pitch_mm=pitch_mm,
     )
+
+
+def largest_of_still(steps: Sequence[float]) -> float:
+    """Largest local motion in pitches between two frames of a sheet that does not move.
+
+    Args:
+        steps: largest local motion between successive frames, most of which are still; those that are 0 are
+            of frames that were recorded twice.
+    """
+    different = [each for each in steps if each > 0.0]
+    usual = float(np.quantile(different, 0.25)) if different else float("inf")
+    return max(_LEAST_MOTION, _STEPS * usual)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -50,6 +50,27 @@ def test_frames_in_which_a_press_begins_at_one_place_are_no_rest(untouched):
     assert np.abs(found.centre_px - REST).max() < 0.12
 
 
+def test_frames_of_a_light_press_are_no_rest_where_the_noise_is_lower():
+    """No dot moves by more than a two-hundredth of the spacing."""
+    rng = np.random.default_rng(4)
+    depths_px = [0.0] * 5 + [0.15, 0.25] + [0.3] * 8
+    frames = [detections_of(pressed(each) + rng.normal(0.0, 0.01, REST.shape)) for each in depths_px]
+    found = merge_rest_dots(frames)
+    assert found.frames == tuple(range(5))
+    assert np.abs(found.centre_px - REST).max() < 0.03
+
+
+def test_a_dot_that_is_seen_in_other_frames_only_is_not_lost():
+    rng = np.random.default_rng(4)
+    depths_px = [0.0] * 5 + [0.15, 0.25] + [0.3] * 8
+    shown = [pressed(each) + rng.normal(0.0, 0.01, REST.shape) for each in depths_px]
+    frames = [detections_of(each if k >= 5 else each[1:]) for k, each in enumerate(shown)]
+    found = merge_rest_dots(frames)
+    assert found.frames == tuple(range(5))
+    assert len(found.centre_px) == len(REST)
+    assert np.abs(found.centre_px - REST[0]).max(axis=1).min() < 0.5
+
+
 @pytest.mark.parametrize("noise_px", [0.05, 0.2])
 def test_noise_and_a_camera_that_shakes_leave_no_frame_out(noise_px):
     rng = np.random.default_rng(2)

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.calibration.rest.local_bulge import PRESSED_PITCHES, local_bulge_px
-from manytouch.estimation.local_motion import LocalMotion, marker_groups
+from manytouch.estimation.local_motion import LocalMotion, largest_of_still, marker_groups
 from manytouch.estimation.uncalibrated.marker_spacing import marker_spacing
 from manytouch.geometry.camera import mm_per_px
 from manytouch.geometry.neighbours import nearest_neighbours
@@ -181,7 +181,7 @@ def arrangements_of_recording(
     compared = _compared_frames(grids, indices, place_px, compare)
     if not compared:
         return []
-    found = _arrangements(np.stack([place_px[k] for k in compared]), compare)
+    found = _arrangements(np.stack([place_px[k] for k in compared]), compare, _STILL_PITCHES)
     return [
         replace(each, frames=tuple(indices[compared[k]] for k in each.frames))
         for each in found
@@ -260,11 +260,14 @@ def settle_rest(sensor: Sensor, grids: Sequence[TrackedGrid], indices: Sequence[
     sample = np.stack([place_px[k] for k in compared])
     first_px = layout.rest_px
     from_first = np.array([compare.group_motion(first_px, each) for each in sample])
-    if np.mean(from_first < _STILL_PITCHES) > _UNMOVED_SHARE:
+    steps = [compare.group_motion(place_px[k], place_px[k + 1]) for k in compared]
+    limit = min(_STILL_PITCHES, largest_of_still(steps))
+    if np.mean(from_first < limit) > _UNMOVED_SHARE:
         return SettledRest(sensor=sensor)
-    best, doubt = _least_pressed(_arrangements(sample, compare), compare)
+    best, doubt = _least_pressed(_arrangements(sample, compare, _STILL_PITCHES), compare)
     if best is None:
         return _doubtful(sensor, RestDoubt.NEVER_TWICE)
+    best = _least_pressed_part(best, sample, compare, limit)
     some_px = (place_px[k] for k in usable[:: max(1, len(usable) // 200)])
     if compare.is_kept_of_a_press(best.position_px, first_px, some_px):
         return SettledRest(sensor=sensor)
@@ -273,8 +276,16 @@ def settle_rest(sensor: Sensor, grids: Sequence[TrackedGrid], indices: Sequence[
     return SettledRest(sensor=settled, still_frames=frames, doubt=doubt)
 
 
-def _arrangements(sample: Float64[np.ndarray, "f m 2"], compare: _Comparison) -> list[RestArrangement]:
-    """The arrangements of the frames, the one with the highest score first."""
+def _arrangements(
+    sample: Float64[np.ndarray, "f m 2"], compare: _Comparison, most_pitches: float
+) -> list[RestArrangement]:
+    """The arrangements of the frames, the one with the highest score first.
+
+    Args:
+        sample: (f, m, 2) positions of the markers in each frame.
+        compare: for these markers.
+        most_pitches: largest motion of a group of markers between frames of one arrangement.
+    """
     count = len(sample)
     motion = np.zeros((count, count))
     for a in range(count):
@@ -282,7 +293,7 @@ def _arrangements(sample: Float64[np.ndarray, "f m 2"], compare: _Comparison) ->
             motion[a, b] = motion[b, a] = compare.group_motion(sample[a], sample[b])
     left, found = np.ones(count, dtype=np.bool_), []
     while True:
-        agrees = (motion < _STILL_PITCHES) & left & left[:, None]
+        agrees = (motion < most_pitches) & left & left[:, None]
         members = agrees[np.argmax(agrees.sum(axis=1))]
         if members.sum() < 2:
             break
@@ -296,6 +307,18 @@ def _arrangements(sample: Float64[np.ndarray, "f m 2"], compare: _Comparison) ->
         )
         left &= ~members
     return sorted(found, key=lambda each: -each.score)
+
+
+def _least_pressed_part(
+    whole: RestArrangement,
+    sample: Float64[np.ndarray, "f m 2"],
+    compare: _Comparison,
+    most_pitches: float,
+) -> RestArrangement:
+    """The least pressed of the parts of an arrangement whose frames agree as closely as noise allows."""
+    parts = _arrangements(sample[list(whole.frames)], compare, most_pitches)
+    best, _ = _least_pressed([each for each in parts if len(each.frames) >= _FEWEST_STILL], compare)
+    return whole if best is None else replace(best, frames=tuple(whole.frames[k] for k in best.frames))
 
 
 def _least_pressed(

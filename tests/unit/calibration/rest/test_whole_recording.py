@@ -38,7 +38,9 @@ GRIP = pressed((130.0, 100.0), 8.0)
 FAINT = pressed((280.0, 40.0), 2.5)
 
 
-def settled(arrangements: list[tuple[np.ndarray, int]], begins: np.ndarray) -> SettledRest:
+def settled(
+    arrangements: list[tuple[np.ndarray, int]], begins: np.ndarray, *, noise_px: float = NOISE_PX
+) -> SettledRest:
     """The rest after a recording of arrangements for so many frames each; the first one defines it."""
     sensor = flat_sensor(
         REST_PX, width_px=320, height_px=240, pitch_px=PITCH_PX, row_column=rows_and_columns(5, 7)
@@ -46,7 +48,7 @@ def settled(arrangements: list[tuple[np.ndarray, int]], begins: np.ndarray) -> S
     assert sensor.layout is not None
     sensor = replace(sensor, layout=replace(sensor.layout, rest_px=REST_PX + begins))
     moved = [each for each, frames in arrangements for _ in range(frames)]
-    grids = [grid_at(REST_PX + each, noise_px=NOISE_PX, seed=k) for k, each in enumerate(moved)]
+    grids = [grid_at(REST_PX + each, noise_px=noise_px, seed=k) for k, each in enumerate(moved)]
     return settle_rest(sensor, grids, range(len(grids)))
 
 
@@ -95,6 +97,15 @@ def test_a_weak_press_during_which_the_camera_moves_is_no_rest() -> None:
     assert found.sensor.layout.rest_px is not None
     away_px = found.sensor.layout.rest_px - REST_PX
     np.testing.assert_allclose(away_px, np.median(away_px, axis=0) + FREE, atol=1.5 * NOISE_PX)
+
+
+@pytest.mark.parametrize("begins", [FREE, 0.02 * GRIP], ids=["untouched", "touched"])
+def test_a_light_press_is_no_rest_where_the_noise_is_lower(begins: np.ndarray) -> None:
+    """It moves markers by less than what counts as motion, and lasts longer than the rest."""
+    light = 0.02 * GRIP
+    found = settled([(begins, 9), (light, 40), (GRIP, 12), (FREE, 12)], begins, noise_px=0.004)
+    assert error_px(found.sensor) < 0.02
+    assert found.doubt is None
 
 
 def test_a_sheet_that_never_rests_makes_the_rest_doubtful() -> None:
