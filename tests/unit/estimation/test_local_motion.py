@@ -8,7 +8,7 @@ from numba import typeof
 
 from flat_sensor import rectangle_px
 from manytouch.estimation.kernels import lengths_without_view
-from manytouch.estimation.local_motion import LocalMotion, TouchMemory, marker_groups
+from manytouch.estimation.local_motion import LocalMotion, TouchMemory, largest_of_still, marker_groups
 
 PITCH_PX = 44.0
 
@@ -59,3 +59,12 @@ def test_the_same_function_is_compiled_for_a_mask_that_is_read_only_and_for_anot
     of_variable, of_fixed = [[typeof(value) for value in call.args] for call in called.call_args_list]
     assert of_variable == of_fixed
     assert seen.flags.writeable
+
+
+def test_a_still_sheet_moves_by_at_most_twice_its_usual_motion_between_frames() -> None:
+    still, press, again = [0.002] * 6, [0.01] * 4, [0.0] * 9
+    assert largest_of_still(still) == pytest.approx(0.004)
+    assert largest_of_still([*still, *press]) == pytest.approx(0.004)
+    assert largest_of_still([*again, *still]) == pytest.approx(0.004)  # frames that were recorded twice
+    assert largest_of_still([1e-6] * 8) == pytest.approx(0.0005)
+    assert largest_of_still(again) == float("inf")

@@ -1,11 +1,8 @@
 """The rest of a recording that may begin touched: the stillest and most common of its arrangements.
 
-An arrangement is the set of frames between which no group of markers has moved. A sheet returns to its rest
-again and again, so the score of an arrangement is the number of its frames times the number of its separate
-visits. Of two arrangements with similar scores, the pressed one is that in which the markers of one place
-have spread apart: an incompressible pad swells sideways under a press, and what comes nearer to the camera
-grows in the image. The positions of the first frames stay the rest unless another arrangement differs from
-them by more than what a soft sheet keeps of a press. The constants are explained in ADR 51 and ADR 131.
+The arrangements and their scores are those of `marker_arrangements`. The positions of the first frames stay
+the rest unless another arrangement differs from them by more than what a soft sheet keeps of a press. The
+constants are explained in ADR 51.
 """
 
 from collections.abc import Iterable, Sequence
@@ -14,16 +11,22 @@ from enum import Enum
 from itertools import islice, pairwise
 
 import numpy as np
-from jaxtyping import Float64
 
+from manytouch.calibration.marker_arrangements import (
+    FEWEST_MARKERS,
+    FEWEST_STILL,
+    STILL_PITCHES,
+    MarkerComparison,
+    RestArrangement,
+    find_arrangements,
+    least_pressed,
+    least_pressed_part,
+)
 from manytouch.calibration.rest.local_bulge import PRESSED_PITCHES, local_bulge_px
-from manytouch.estimation.local_motion import LocalMotion, largest_of_still, marker_groups
-from manytouch.estimation.uncalibrated.marker_spacing import marker_spacing
+from manytouch.estimation.local_motion import largest_of_still
 from manytouch.geometry.camera import mm_per_px
-from manytouch.geometry.neighbours import nearest_neighbours
 from manytouch.pipeline import track_frames
 from manytouch.tracking import MarkerTracker
-from manytouch.tracking.lattice.find import local_spacing
 from manytouch.values import Frame, Roi, Sensor, Status, TrackedGrid
 from manytouch.values.arrays import Points2, read_only
 
@@ -39,26 +42,12 @@ MOST_TRACKED = 400
 """Largest number of frames that are tracked."""
 _MOST_COMPARED = 48
 """Largest number of frames of which every pair is compared."""
-_FEWEST_MARKERS = 6
-_STILL_PITCHES = 0.005
-"""Most markers of a still frame move by less until the next frame, and any group of them by less within an
-arrangement: between untouched frames (98 % are below 0.0036) and faint touches (0.012)."""
 _STILL_SHARE = 0.8
 """Share of the first frames of a live source that must be still."""
 _UNMOVED_SHARE = 0.9
 """If more than this share of the compared frames are like the first ones, these are the rest: a choice."""
 _SHOWN_SHARE = 0.5
 """Share of the markers that a picture of the same sensor shows, and of the pictures that show them."""
-_RIVAL_SHARE = 0.15
-"""An arrangement may be the rest instead of the most common one if its score is at least this share of it."""
-_FEWEST_STILL = 3
-"""Least number of compared frames of such an arrangement; a slow press is still for two."""
-_CLEAR_SKEWNESS = 0.25
-"""Skewness of the change of areas from one arrangement to another, above which the other is known to be
-pressed: nine of ten presses on gel pads exceed 0.3; of membranes, the skewness scatters around 0."""
-_DOUBT_SHARE = 0.5
-"""The rest is doubtful if another arrangement has a larger share of the score of the chosen one, and neither
-is clearly pressed."""
 
 
 class RestDoubt(Enum):
@@ -86,69 +75,6 @@ class SettledRest:
     doubt: RestDoubt | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class RestArrangement:
-    """Frames that show the markers at the same positions.
-
-    Attributes:
-        frames: numbers of its frames, among those that were compared or of the recording.
-        score: their number times that of their separate visits.
-        position_px: (m, 2) median, NaN where not seen.
-    """
-
-    frames: tuple[int, ...]
-    score: int
-    position_px: Points2
-
-
-class _Comparison:
-    """How positions (m, 2) of the markers of one layout, px, differ; NaN where a marker is not seen."""
-
-    def __init__(self, rest_px: Points2) -> None:
-        self._pitch_px = float(np.median(local_spacing(rest_px)))
-        self._motion = LocalMotion(refinements=4)
-        self._groups = marker_groups(rest_px, self._pitch_px)
-        self._spacing = marker_spacing(rest_px, rest_px.mean(axis=0), nearest_neighbours(rest_px))
-
-    def usual_motion(self, before_px: Points2, after_px: Points2) -> float:
-        """Length in pitches that 80 % of the motions do not exceed; infinite where too few are seen."""
-        moved = np.linalg.norm(after_px - before_px, axis=1)
-        moved = moved[np.isfinite(moved)] / self._pitch_px
-        return float(np.quantile(moved, 0.8)) if len(moved) >= _FEWEST_MARKERS else float("inf")
-
-    def group_motion(self, before_px: Points2, after_px: Points2) -> float:
-        """Largest motion of a group of markers in pitches; infinite where too few are seen."""
-        moved = after_px - before_px
-        is_seen = np.isfinite(moved[:, 0])
-        if is_seen.sum() < _FEWEST_MARKERS:
-            return float("inf")
-        return float(self._motion(self._groups, moved, is_seen).max())
-
-    def area_skewness(self, before_px: Points2, after_px: Points2) -> float:
-        """Skewness, from -1 to 1, of the change of the areas between markers.
-
-        It is positive if the markers of one place have spread apart, and negative if they have contracted.
-        """
-        moved = np.nan_to_num(after_px - before_px)
-        area, _ = self._spacing(moved)
-        area = area - np.median(area)
-        return float((area.max() + area.min()) / max(float(area.max() - area.min()), 1e-12))
-
-    def is_kept_of_a_press(self, rest_px: Points2, first_px: Points2, place_px: Iterable[Points2]) -> bool:
-        """Whether the first positions differ from the rest only by what the sheet keeps of its presses.
-
-        Args:
-            rest_px: (m, 2) the rest.
-            first_px: (m, 2) the first positions.
-            place_px: (m, 2) positions in frames of the whole recording.
-        """
-        away, share = self.group_motion(rest_px, first_px), self._motion.creep_share
-        if away <= self._motion.floor_pitch or self.area_skewness(rest_px, first_px) >= _CLEAR_SKEWNESS:
-            return False
-        # only positions up to the first one that is far enough are compared
-        return any(away <= share * self.group_motion(rest_px, each) for each in place_px)
-
-
 def rest_of_recording(
     sensor: Sensor, frames: Iterable[Frame], *, frame_count: int | None = None, roi_px: Roi | None = None
 ) -> SettledRest:
@@ -166,26 +92,26 @@ def rest_of_recording(
 def arrangements_of_recording(
     sensor: Sensor, frames: Iterable[Frame], *, frame_count: int | None = None, roi_px: Roi | None = None
 ) -> list[RestArrangement]:
-    """The arrangements of the markers that a whole recording shows in `_FEWEST_STILL` frames or more.
+    """The arrangements of the markers that a whole recording shows in `FEWEST_STILL` frames or more.
 
     Args:
         sensor: from the first frames, with `rest_px`.
         frames, frame_count, roi_px: see `rest_of_recording`.
     """
     layout = sensor.layout
-    if layout is None or layout.rest_px is None or len(layout.rest_px) < _FEWEST_MARKERS:
+    if layout is None or layout.rest_px is None or len(layout.rest_px) < FEWEST_MARKERS:
         return []
     grids, indices = _tracked_pairs(sensor, frames, frame_count, roi_px)
     place_px = [_places_px(each) for each in grids]
-    compare = _Comparison(layout.rest_px)
+    compare = MarkerComparison(layout.rest_px)
     compared = _compared_frames(grids, indices, place_px, compare)
     if not compared:
         return []
-    found = _arrangements(np.stack([place_px[k] for k in compared]), compare, _STILL_PITCHES)
+    found = find_arrangements(np.stack([place_px[k] for k in compared]), compare, STILL_PITCHES)
     return [
         replace(each, frames=tuple(indices[compared[k]] for k in each.frames))
         for each in found
-        if len(each.frames) >= _FEWEST_STILL
+        if len(each.frames) >= FEWEST_STILL
     ]
 
 
@@ -208,7 +134,10 @@ def _places_px(grid: TrackedGrid) -> Points2:
 
 
 def _compared_frames(
-    grids: Sequence[TrackedGrid], indices: Sequence[int], place_px: Sequence[Points2], compare: _Comparison
+    grids: Sequence[TrackedGrid],
+    indices: Sequence[int],
+    place_px: Sequence[Points2],
+    compare: MarkerComparison,
 ) -> list[int]:
     """Still frames, at most `_MOST_COMPARED` of them; none if fewer than two are still."""
     usable = [k for k, each in enumerate(grids) if each.status is Status.OK]
@@ -216,7 +145,7 @@ def _compared_frames(
         k
         for k, after in pairwise(usable)
         if indices[after] == indices[k] + 1
-        and compare.usual_motion(place_px[k], place_px[after]) < _STILL_PITCHES
+        and compare.usual_motion(place_px[k], place_px[after]) < STILL_PITCHES
     ]
     if len(still) < 2:
         return []
@@ -249,11 +178,11 @@ def settle_rest(sensor: Sensor, grids: Sequence[TrackedGrid], indices: Sequence[
         indices: of these frames.
     """
     layout = sensor.layout
-    if layout is None or layout.rest_px is None or len(layout.rest_px) < _FEWEST_MARKERS:
+    if layout is None or layout.rest_px is None or len(layout.rest_px) < FEWEST_MARKERS:
         return SettledRest(sensor=sensor)
     place_px = [_places_px(each) for each in grids]
     usable = [k for k, each in enumerate(grids) if each.status is Status.OK]
-    compare = _Comparison(layout.rest_px)
+    compare = MarkerComparison(layout.rest_px)
     compared = _compared_frames(grids, indices, place_px, compare)
     if not compared:
         return _doubtful(sensor, RestDoubt.NEVER_STILL)
@@ -261,98 +190,20 @@ def settle_rest(sensor: Sensor, grids: Sequence[TrackedGrid], indices: Sequence[
     first_px = layout.rest_px
     from_first = np.array([compare.group_motion(first_px, each) for each in sample])
     steps = [compare.group_motion(place_px[k], place_px[k + 1]) for k in compared]
-    limit = min(_STILL_PITCHES, largest_of_still(steps))
+    limit = min(STILL_PITCHES, largest_of_still(steps))
     if np.mean(from_first < limit) > _UNMOVED_SHARE:
         return SettledRest(sensor=sensor)
-    best, doubt = _least_pressed(_arrangements(sample, compare, _STILL_PITCHES), compare)
+    best, is_doubtful = least_pressed(find_arrangements(sample, compare, STILL_PITCHES), compare)
     if best is None:
         return _doubtful(sensor, RestDoubt.NEVER_TWICE)
-    best = _least_pressed_part(best, sample, compare, limit)
+    best = least_pressed_part(best, sample, compare, limit)
     some_px = (place_px[k] for k in usable[:: max(1, len(usable) // 200)])
     if compare.is_kept_of_a_press(best.position_px, first_px, some_px):
         return SettledRest(sensor=sensor)
     frames = tuple(indices[compared[k]] for k in best.frames)
+    doubt = RestDoubt.EQUALLY_COMMON if is_doubtful else None
     settled = _with_doubt(_with_rest(sensor, best.position_px, frames), doubt)
     return SettledRest(sensor=settled, still_frames=frames, doubt=doubt)
-
-
-def _arrangements(
-    sample: Float64[np.ndarray, "f m 2"], compare: _Comparison, most_pitches: float
-) -> list[RestArrangement]:
-    """The arrangements of the frames, the one with the highest score first.
-
-    Args:
-        sample: (f, m, 2) positions of the markers in each frame.
-        compare: for these markers.
-        most_pitches: largest motion of a group of markers between frames of one arrangement.
-    """
-    count = len(sample)
-    motion = np.zeros((count, count))
-    for a in range(count):
-        for b in range(a):
-            motion[a, b] = motion[b, a] = compare.group_motion(sample[a], sample[b])
-    left, found = np.ones(count, dtype=np.bool_), []
-    while True:
-        agrees = (motion < most_pitches) & left & left[:, None]
-        members = agrees[np.argmax(agrees.sum(axis=1))]
-        if members.sum() < 2:
-            break
-        visits = int(members[0]) + int(np.count_nonzero(members[1:] & ~members[:-1]))
-        found.append(
-            RestArrangement(
-                frames=tuple(np.flatnonzero(members).tolist()),
-                score=int(members.sum()) * visits,
-                position_px=_median(sample[members]),
-            )
-        )
-        left &= ~members
-    return sorted(found, key=lambda each: -each.score)
-
-
-def _least_pressed_part(
-    whole: RestArrangement,
-    sample: Float64[np.ndarray, "f m 2"],
-    compare: _Comparison,
-    most_pitches: float,
-) -> RestArrangement:
-    """The least pressed of the parts of an arrangement whose frames agree as closely as noise allows."""
-    parts = _arrangements(sample[list(whole.frames)], compare, most_pitches)
-    best, _ = _least_pressed([each for each in parts if len(each.frames) >= _FEWEST_STILL], compare)
-    return whole if best is None else replace(best, frames=tuple(whole.frames[k] for k in best.frames))
-
-
-def _least_pressed(
-    found: list[RestArrangement], compare: _Comparison
-) -> tuple[RestArrangement | None, RestDoubt | None]:
-    """The arrangement that is the rest, and a doubt if another one may be it as well."""
-    if not found:
-        return None, None
-    best, doubt = found[0], None
-    for rival in found[1:]:
-        if rival.score < _RIVAL_SHARE * found[0].score:
-            break
-        if len(rival.frames) < _FEWEST_STILL:
-            continue
-        skewness = compare.area_skewness(best.position_px, rival.position_px)
-        if skewness < -_CLEAR_SKEWNESS:
-            best, doubt = rival, None
-        elif skewness < _CLEAR_SKEWNESS and rival.score > _DOUBT_SHARE * best.score:
-            doubt = RestDoubt.EQUALLY_COMMON
-    return best, doubt
-
-
-def _median(position_px: Float64[np.ndarray, "f m 2"]) -> Points2:
-    """(m, 2) medians over frames, each shifted to their common place; NaN for a marker that is never seen.
-
-    Without these shifts, the median over frames before and after a motion of the camera would be a position
-    between both views, which the markers may have had while the sheet was pressed.
-    """
-    seen = np.isfinite(position_px[..., 0]).any(axis=0)
-    middle = np.full(position_px.shape[1:], np.nan)
-    shift = np.nanmedian(position_px[:, seen] - np.nanmedian(position_px[:, seen], axis=0), axis=1)
-    shift -= np.median(shift, axis=0)
-    middle[seen] = np.nanmedian(position_px[:, seen] - shift[:, None], axis=0)
-    return middle
 
 
 def _with_rest(sensor: Sensor, position_px: Points2, frames: Sequence[int]) -> Sensor:
