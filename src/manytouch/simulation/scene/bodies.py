@@ -3,7 +3,7 @@
 import math
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -20,6 +20,7 @@ Triple = Annotated[list[Number], Field(min_length=3, max_length=3)]
 PositivePair = Annotated[list[Positive], Field(min_length=2, max_length=2)]
 PositiveTriple = Annotated[list[Positive], Field(min_length=3, max_length=3)]
 Row = Annotated[list[Number], Field(min_length=4, max_length=4)]
+_USUAL_EDGE_MM = 0.5
 
 
 class _Shape(Section):
@@ -32,6 +33,31 @@ class _Shape(Section):
     def pivot_mm(self) -> float:
         """Height above its lowest point about which it turns."""
         return 0.0
+
+
+class _Edged(_Shape):
+    """A shape with rounded edges."""
+
+    edge_radius_mm: Positive | None = None
+
+    @property
+    def widest_edge_mm(self) -> float:
+        """Radius of an edge that leaves nothing flat."""
+        raise NotImplementedError
+
+    @property
+    def edge_mm(self) -> float:
+        """The stated radius of the edges, or 0.5 mm, or what is possible if that is less."""
+        usual_mm = min(_USUAL_EDGE_MM, self.widest_edge_mm)
+        return usual_mm if self.edge_radius_mm is None else self.edge_radius_mm
+
+    @model_validator(mode="after")
+    def _has_room_for_its_edges(self) -> Self:
+        if self.edge_mm > self.widest_edge_mm:
+            raise ValueError(
+                f"edge_radius_mm is {self.edge_mm:g}, but of this shape at most {self.widest_edge_mm:g} mm"
+            )
+        return self
 
 
 class _Sphere(_Shape):
@@ -59,35 +85,44 @@ class _Fingertip(_Shape):
         return self.semi_axes_mm[2]
 
 
-class _RoundPunch(_Shape):
+class _RoundPunch(_Edged):
     kind: Literal["round_punch"]
     radius_mm: Positive
-    edge_radius_mm: Positive = 0.5
 
     def indenter(self, folder: Path) -> indenters.Indenter:
-        return indenters.RoundPunch(radius_mm=self.radius_mm, edge_radius_mm=self.edge_radius_mm)
+        return indenters.RoundPunch(radius_mm=self.radius_mm, edge_radius_mm=self.edge_mm)
+
+    @property
+    def widest_edge_mm(self) -> float:
+        return min(self.radius_mm, 0.5 * indenters.PUNCH_HEIGHT_MM)
 
 
-class _SquarePunch(_Shape):
+class _SquarePunch(_Edged):
     kind: Literal["square_punch"]
     side_mm: PositivePair
-    edge_radius_mm: Positive = 0.5
 
     def indenter(self, folder: Path) -> indenters.Indenter:
         x, y = self.side_mm
-        return indenters.SquarePunch(side_mm=(x, y), edge_radius_mm=self.edge_radius_mm)
+        return indenters.SquarePunch(side_mm=(x, y), edge_radius_mm=self.edge_mm)
+
+    @property
+    def widest_edge_mm(self) -> float:
+        return 0.5 * min(*self.side_mm, indenters.PUNCH_HEIGHT_MM)
 
 
-class _Cylinder(_Shape):
+class _Cylinder(_Edged):
     kind: Literal["cylinder"]
     radius_mm: Positive
     length_mm: Positive
-    edge_radius_mm: Positive = 0.5
 
     def indenter(self, folder: Path) -> indenters.Indenter:
         return indenters.LyingCylinder(
-            radius_mm=self.radius_mm, length_mm=self.length_mm, edge_radius_mm=self.edge_radius_mm
+            radius_mm=self.radius_mm, length_mm=self.length_mm, edge_radius_mm=self.edge_mm
         )
+
+    @property
+    def widest_edge_mm(self) -> float:
+        return min(self.radius_mm, 0.5 * self.length_mm)
 
     @property
     def pivot_mm(self) -> float:

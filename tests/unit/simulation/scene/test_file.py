@@ -177,6 +177,23 @@ motions = [{ kind = "press", at_mm = [4.0, 0.0], depth_mm = 0.5, start_s = 0.2, 
 """
 
 
+@pytest.mark.parametrize(
+    ("shape", "widest_mm"),
+    [
+        ('kind = "square_punch", side_mm = [4.0, 0.8]', 0.4),
+        ('kind = "round_punch", radius_mm = 0.3', 0.3),
+        ('kind = "cylinder", radius_mm = 3.0, length_mm = 0.6', 0.3),
+    ],
+)
+def test_narrow_bodies_have_narrow_edges(tmp_path: Path, shape: str, widest_mm: float) -> None:
+    ball = 'kind = "sphere", radius_mm = 3.0'
+    assert ball in PAD
+    scene = load_scene(written(tmp_path, PAD.replace(ball, shape)))
+    assert scene.bodies[0].indenter.edge_radius_mm == pytest.approx(widest_mm)  # type: ignore[union-attr]
+    with pytest.raises(SourceError, match=f"edge_radius_mm is 0.45, but .* at most {widest_mm:g} mm"):
+        load_scene(written(tmp_path, PAD.replace(ball, f"{shape}, edge_radius_mm = 0.45")))
+
+
 def test_a_pad_is_meshed_finely_where_bodies_touch(tmp_path: Path) -> None:
     scene = load_scene(written(tmp_path, PAD))
     assert (scene.sensor.camera.width_px, scene.sensor.camera.height_px) == (640, 480)

@@ -15,6 +15,9 @@ from manytouch.compilation import kernel, no_type_check
 from manytouch.simulation.fem.contact import distance
 from manytouch.values.arrays import Points3, read_only
 
+PUNCH_HEIGHT_MM = 40.0
+"""Height of punches where none is given; what is above does not touch."""
+
 
 def _require_positive(**lengths_mm: float) -> None:
     for name, length_mm in lengths_mm.items():
@@ -65,7 +68,7 @@ class RoundPunch:
 
     radius_mm: float
     edge_radius_mm: float = 0.5
-    height_mm: float = 40.0
+    height_mm: float = PUNCH_HEIGHT_MM
 
     def __post_init__(self) -> None:
         _require_positive(radius_mm=self.radius_mm, height_mm=self.height_mm)
@@ -108,7 +111,7 @@ class SquarePunch:
 
     side_mm: tuple[float, float]
     edge_radius_mm: float = 0.5
-    height_mm: float = 40.0
+    height_mm: float = PUNCH_HEIGHT_MM
 
     def __post_init__(self) -> None:
         _require_positive(side_x_mm=self.side_mm[0], side_y_mm=self.side_mm[1], height_mm=self.height_mm)
