@@ -61,8 +61,8 @@ class ModelOrder:
             Next to a clamp, the place and the force of a bar cannot be determined independently.
         bar_from_clamp: least distance of both ends of a bar from the outline, in elements: a choice. A weak
             second patch next to the outline is an error of the model at the clamp.
-        min_inside: least share of the force of a patch, a bar or a face that lies on the nodes of the
-            evidence. Beyond these nodes no marker contradicts it.
+        min_inside: least share of the force of a patch, of two, of a bar or a face that lies on the nodes of
+            the evidence. Beyond these nodes no marker contradicts it.
         min_mean_misfit: lower limit of the misfit per degree of freedom in F.
         hysteresis: factor of all limits where there were two contacts in the previous frame.
         max_shift: largest distance from the centroid of the nodal forces to the fitted centre, in elements,
@@ -204,7 +204,9 @@ class ModelOrder:
             is_determined = bar.force_mm2 >= self.min_bar_stds * np.sqrt(bar.covariance[0, 0])
             return bar if is_determined and self._is_free(evidence.patch, pair.centre_mm) else one
         gap_mm = float(np.linalg.norm(pair.centre_mm[1] - pair.centre_mm[0]))
-        is_pair = limit * pair.deviation_mm <= 0.25 * gap_mm
+        is_pair = limit * pair.deviation_mm <= 0.25 * gap_mm and self._is_supported(
+            float(pair.force_mm2.sum()), pair.nodal_mm2, press_mm2
+        )
         return pair if is_pair and evidence.patch.covers(pair.centre_mm).all() else one
 
     def _is_free(self, patch: SplinePatch, end_mm: Points2) -> bool:
@@ -227,18 +229,17 @@ class ModelOrder:
         return face if is_inside and is_better and is_edge_loaded else one
 
     def _is_plausible(self, nodes: ForceNodes, clusters: Clusters, number: int, one: PatchFit) -> bool:
-        """Whether a fitted patch is where the nodal forces are, and about as strong.
-
-        Enough of it has to be on the nodes of the evidence.
-        """
+        """Whether a fitted patch is where the nodal forces are, and is supported by them."""
         shift_mm = np.abs(one.centre_mm - clusters.centre_mm[number])
         reach_mm = np.sqrt(np.diagonal(clusters.spread_mm2[number]))
-        ratio = one.force_mm2 / float(clusters.normal_mm2[number])
-        return bool(
-            1.0 / self.max_ratio <= ratio <= self.max_ratio
-            and one.nodal_mm2.sum() >= self.min_inside * one.force_mm2
-            and np.all(shift_mm <= self.max_shift * nodes.element_mm + 0.5 * reach_mm)
-        )
+        is_near = np.all(shift_mm <= self.max_shift * nodes.element_mm + 0.5 * reach_mm)
+        press_mm2 = float(clusters.normal_mm2[number])
+        return bool(is_near) and self._is_supported(one.force_mm2, one.nodal_mm2, press_mm2)
+
+    def _is_supported(self, force_mm2: float, nodal_mm2: np.ndarray, press_mm2: float) -> bool:
+        """Whether a fitted force is about that of the nodes, and enough of it is on those of the evidence."""
+        is_alike = press_mm2 <= self.max_ratio * force_mm2 <= self.max_ratio**2 * press_mm2
+        return bool(is_alike and nodal_mm2.sum() >= self.min_inside * force_mm2)
 
 
 def _nearest(

@@ -150,6 +150,20 @@ def test_a_patch_that_lies_beyond_the_nodes_of_the_evidence_does_not_count() -> 
     assert not np.isfinite(found.fitted_mm2).any()
 
 
+@pytest.mark.parametrize(("half_mm", "count"), [(5.5, 2), (6.0, 1)])
+def test_two_contacts_that_press_beyond_the_nodes_of_the_evidence_are_one(half_mm: float, count: int) -> None:
+    """Nothing limits the force of the second one beyond x = 6 mm, half-way between two nodes."""
+    whole = pressed((-half_mm, 0.0, 1.0, 1.0), (half_mm, 0.0, 1.0, 1.0))
+    is_seen = NODES.place_mm[:, 0] < 6.0
+    part = np.where(is_seen[:, None], whole, 0.0)
+    clusters, evidence_at = CLUSTER(NODES, part), evidence_of(whole)
+    assert len(clusters) == 1
+    found = ORDER(
+        NODES, part, clusters, NONE_BEFORE, evidence_at=lambda node: evidence_at(node[is_seen[node]])
+    )
+    assert len(found) == count
+
+
 def test_clusters_without_evidence_do_not_change() -> None:
     force = pressed((-4.5, 0.0, 1.0, 1.0), (4.5, 0.0, 1.0, 1.0))
     clusters = CLUSTER(NODES, force)
