@@ -1,4 +1,4 @@
-"""Bodies and sensor files for `random_scenes.py --moving`: deeper presses, bodies that move, wrong numbers.
+"""Bodies and sensor files for `random_scenes.py --moving`: bodies that move, sensor files with wrong numbers.
 
 Scene n is the same on every machine, and so is its sensor file with errors.
 """
@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 SEED, DRAWN_SEED = 77_000, 9_000
+PAD_SEED, DRAWN_PAD_SEED = 81_000, 9_500
 SECONDS = 3.0
+LEAST_SIDE_MM = 1.0
 UNKNOWN_EVERY = 3
 """Every third sensor file with errors does not state the pretension."""
 
@@ -65,10 +67,11 @@ def moving_bodies(draw: np.random.Generator, sensor: Part) -> list[Part]:
         if (room_mm < 1.0).any():
             continue
         at_mm = draw.uniform(-room_mm, room_mm)
-        if _is_near(at_mm, reach_mm, places, thickness_mm):
+        apart_mm = max(2.5 * thickness_mm, 6.0)
+        if _is_nearer(apart_mm, at_mm, reach_mm, places):
             continue
         motion = _motion(draw, shape, at_mm, room_mm, sensor)
-        if motion["kind"] == "slide" and _is_near(np.array(motion["to_mm"]), reach_mm, places, thickness_mm):
+        if motion["kind"] == "slide" and _is_nearer(apart_mm, np.array(motion["to_mm"]), reach_mm, places):
             continue
         places.append((at_mm, reach_mm))
         friction = float(draw.choice([0.0, 0.3, 0.6, 1.0]))
@@ -76,10 +79,10 @@ def moving_bodies(draw: np.random.Generator, sensor: Part) -> list[Part]:
     return bodies
 
 
-def _is_near(
-    at_mm: np.ndarray, reach_mm: float, places: list[tuple[np.ndarray, float]], thickness_mm: float
+def _is_nearer(
+    apart_mm: float, at_mm: np.ndarray, reach_mm: float, places: list[tuple[np.ndarray, float]]
 ) -> bool:
-    apart_mm = max(2.5 * thickness_mm, 6.0)
+    """Whether less than a distance would be between a body at a place and others."""
     return any(np.linalg.norm(at_mm - place) < reach_mm + reach + apart_mm for place, reach in places)
 
 
@@ -145,4 +148,105 @@ def sensor_with_errors(number: int, sensor: Part) -> Part:
         del sheet["pretension_N_per_mm"]
     else:
         sheet["pretension_N_per_mm"] *= 1.0 + 0.2 * off[11]
+    return given
+
+
+def _pad_shape(draw: np.random.Generator) -> Part:
+    """A ball, fingertip, punch or lying cylinder, of 1.5 to 6 mm."""
+    size_mm = float(np.exp(draw.uniform(np.log(1.5), np.log(6.0))))
+    narrow_mm = max(float(draw.uniform(0.4, 1.0)) * size_mm, LEAST_SIDE_MM)
+    long_mm = float(draw.uniform(1.0, 2.5)) * size_mm
+    shapes: tuple[Part, ...] = (
+        {"kind": "sphere", "radius_mm": size_mm},
+        {"kind": "fingertip", "semi_axes_mm": [size_mm * 0.8 + 1.0, size_mm + 2.0, size_mm * 0.8 + 1.0]},
+        {"kind": "round_punch", "radius_mm": 0.4 * size_mm + 0.5},
+        {"kind": "square_punch", "side_mm": [size_mm, narrow_mm]},
+        {"kind": "cylinder", "radius_mm": max(0.4 * size_mm, 0.8), "length_mm": long_mm},
+    )
+    return shapes[int(draw.integers(5))]
+
+
+def moving_pad_bodies(draw: np.random.Generator, sensor: Part) -> list[Part]:
+    """One to three bodies on a pad, .01 to .28 thicknesses deep, at least 1.2 thicknesses apart."""
+    size_mm, thickness_mm = np.array(sensor["sheet"]["size_mm"]), float(sensor["sheet"]["thickness_mm"])
+    wanted = int(draw.choice([1, 1, 2, 2, 3]))
+    bodies: list[Part] = []
+    places: list[tuple[np.ndarray, float]] = []
+    for _ in range(100):
+        if len(bodies) == wanted:
+            break
+        shape = _pad_shape(draw)
+        reach_mm = min(_reach_mm(shape), 0.4 * float(size_mm.min()))
+        room_mm = 0.5 * size_mm - reach_mm - 0.6 * thickness_mm - 0.5
+        if (room_mm < 0.5).any():
+            continue
+        at_mm = draw.uniform(-room_mm, room_mm)
+        apart_mm = 1.2 * thickness_mm
+        if _is_nearer(apart_mm, at_mm, reach_mm, places):
+            continue
+        motion = _pad_motion(draw, shape, at_mm, room_mm, thickness_mm)
+        if motion["kind"] == "slide" and _is_nearer(apart_mm, np.array(motion["to_mm"]), reach_mm, places):
+            continue
+        places.append((at_mm, reach_mm))
+        friction = float(draw.choice([0.0, 0.3, 0.6, 1.0]))
+        bodies.append({"shape": shape, "friction": friction, "motions": [motion]})
+    return bodies
+
+
+def _pad_motion(
+    draw: np.random.Generator, shape: Part, at_mm: np.ndarray, room_mm: np.ndarray, thickness_mm: float
+) -> Part:
+    """A motion within 2.3 s."""
+    depth_mm = float(np.exp(draw.uniform(np.log(0.02 * thickness_mm), np.log(0.28 * thickness_mm))))
+    depth_mm *= 0.5 if "punch" in shape["kind"] else 1.0
+    start_s = float(draw.uniform(0.2, 0.9))
+    end_s = min(start_s + float(draw.uniform(1.0, 1.6)), 2.3)
+    ramp_s = float(draw.uniform(0.2, 0.4))
+    may_roll = shape["kind"] in {"sphere", "fingertip"}
+    kind = str(draw.choice(["press", "press", "slide", "path", "roll" if may_roll else "path"]))
+    motion: Part = {"kind": kind, "depth_mm": depth_mm, "start_s": start_s, "end_s": end_s}
+    if kind == "press":
+        return {**motion, "at_mm": at_mm.tolist(), "ramp_s": ramp_s}
+    if kind == "slide":
+        to_mm = np.clip(at_mm + draw.uniform(-4.0, 4.0, 2), -room_mm, room_mm)
+        return {**motion, "from_mm": at_mm.tolist(), "to_mm": to_mm.tolist(), "ramp_s": ramp_s}
+    if kind == "roll":
+        direction_deg, angle_deg = float(draw.uniform(-180.0, 180.0)), float(draw.uniform(10.0, 40.0))
+        return {**motion, "at_mm": at_mm.tolist(), "direction_deg": direction_deg, "angle_deg": angle_deg}
+    angle_deg = float(draw.uniform(-90.0, 90.0))
+    turned_deg = angle_deg + float(draw.choice([0.0, draw.uniform(-20.0, 20.0)]))
+    dragged_mm = at_mm + draw.uniform(-0.1, 0.1, 2) * thickness_mm
+    times_s = (start_s, start_s + 0.3, start_s + 0.6, end_s - 0.2, end_s)
+    places_mm = (at_mm, at_mm, at_mm, dragged_mm, dragged_mm)
+    depths_mm = (-0.1, 0.6 * depth_mm, depth_mm, depth_mm, -0.1)
+    angles_deg = (angle_deg, angle_deg, angle_deg, turned_deg, turned_deg)
+    return {
+        "kind": kind,
+        "points": [
+            [at_s, *place_mm.tolist(), deep_mm]
+            for at_s, place_mm, deep_mm in zip(times_s, places_mm, depths_mm, strict=True)
+        ],
+        "turns_deg": [[0.0, 0.0, each_deg] for each_deg in angles_deg],
+    }
+
+
+def pad_sensor_with_errors(number: int, sensor: Part) -> Part:
+    """The file of a pad with the errors of a careful user, and their standard deviations.
+
+    Those are E 8 %, thickness 5 %, Poisson's ratio 0.01 and depth of the markers 0.05 mm.
+    """
+    off = np.random.default_rng(DRAWN_PAD_SEED + number).standard_normal(6).clip(-2.5, 2.5).tolist()
+    given = deepcopy(sensor)
+    sheet = given["sheet"]
+    sheet["young_std_MPa"], sheet["young_MPa"] = (
+        0.08 * sheet["young_MPa"],
+        sheet["young_MPa"] * math.exp(0.08 * off[0]),
+    )
+    sheet["thickness_std_mm"], sheet["thickness_mm"] = (
+        0.05 * sheet["thickness_mm"],
+        sheet["thickness_mm"] * (1.0 + 0.05 * off[1]),
+    )
+    sheet["poisson"], sheet["poisson_std"] = min(sheet["poisson"] + 0.01 * off[2], 0.495), 0.01
+    sheet["marker_depth_mm"] = max(sheet["marker_depth_mm"] + 0.05 * off[3], 0.05)
+    sheet["marker_depth_std_mm"] = 0.05
     return given
