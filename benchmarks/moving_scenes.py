@@ -4,7 +4,9 @@ Scene n is the same on every machine, and so is its sensor file with errors.
 """
 
 import math
+from collections.abc import Callable
 from copy import deepcopy
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -56,21 +58,46 @@ def moving_bodies(draw: np.random.Generator, sensor: Part) -> list[Part]:
     """One to five bodies that press, slide, roll or turn, at least 2.5 thicknesses or 6 mm apart."""
     size_mm, thickness_mm = np.array(sensor["sheet"]["size_mm"]), float(sensor["sheet"]["thickness_mm"])
     wanted = int(draw.choice([1, 2, 2, 3, 3, 4, 5]))
+    return _placed(
+        draw,
+        wanted,
+        tries=200,
+        apart_mm=max(2.5 * thickness_mm, 6.0),
+        shape_of=_shape,
+        reach_of=_reach_mm,
+        room_of=lambda reach_mm: 0.5 * size_mm - reach_mm - 2.5 * thickness_mm - 2.0,
+        least_room_mm=1.0,
+        motion_of=partial(_motion, sensor=sensor),
+    )
+
+
+def _placed(
+    draw: np.random.Generator,
+    wanted: int,
+    *,
+    tries: int,
+    apart_mm: float,
+    shape_of: Callable[[np.random.Generator], Part],
+    reach_of: Callable[[Part], float],
+    room_of: Callable[[float], np.ndarray],
+    least_room_mm: float,
+    motion_of: Callable[[np.random.Generator, Part, np.ndarray, np.ndarray], Part],
+) -> list[Part]:
+    """Bodies with a distance between them where they begin and where they slide to."""
     bodies: list[Part] = []
     places: list[tuple[np.ndarray, float]] = []
-    for _ in range(200):
+    for _ in range(tries):
         if len(bodies) == wanted:
             break
-        shape = _shape(draw)
-        reach_mm = _reach_mm(shape)
-        room_mm = 0.5 * size_mm - reach_mm - 2.5 * thickness_mm - 2.0
-        if (room_mm < 1.0).any():
+        shape = shape_of(draw)
+        reach_mm = reach_of(shape)
+        room_mm = room_of(reach_mm)
+        if (room_mm < least_room_mm).any():
             continue
         at_mm = draw.uniform(-room_mm, room_mm)
-        apart_mm = max(2.5 * thickness_mm, 6.0)
         if _is_nearer(apart_mm, at_mm, reach_mm, places):
             continue
-        motion = _motion(draw, shape, at_mm, room_mm, sensor)
+        motion = motion_of(draw, shape, at_mm, room_mm)
         if motion["kind"] == "slide" and _is_nearer(apart_mm, np.array(motion["to_mm"]), reach_mm, places):
             continue
         places.append((at_mm, reach_mm))
@@ -103,14 +130,11 @@ def _motion(
     kind = str(draw.choice(["press", "press", "slide", "path", "roll" if may_roll else "press"]))
     ramp_s = float(draw.uniform(0.2, 0.5))
     motion: Part = {"kind": kind, "depth_mm": depth_mm, "start_s": start_s, "end_s": end_s}
-    if kind == "press":
-        return {**motion, "at_mm": at_mm.tolist(), "ramp_s": ramp_s}
-    if kind == "slide":
-        to_mm = np.clip(at_mm + draw.uniform(-12.0, 12.0, 2), -room_mm, room_mm)
-        return {**motion, "from_mm": at_mm.tolist(), "to_mm": to_mm.tolist(), "ramp_s": ramp_s}
-    if kind == "roll":
-        direction_deg, angle_deg = float(draw.uniform(-180.0, 180.0)), float(draw.uniform(20.0, 60.0))
-        return {**motion, "at_mm": at_mm.tolist(), "direction_deg": direction_deg, "angle_deg": angle_deg}
+    if kind != "path":
+        return {
+            **motion,
+            **_simple(draw, kind, at_mm, room_mm, ramp_s=ramp_s, way_mm=12.0, roll_deg=(20.0, 60.0)),
+        }
     angle_deg = float(draw.uniform(-90.0, 90.0))
     turned_deg = angle_deg + float(draw.choice([0.0, draw.uniform(-30.0, 30.0)]))
     times_s = (start_s, start_s + 0.4, start_s + 0.8, end_s - 0.2, end_s)
@@ -123,6 +147,26 @@ def _motion(
         ],
         "turns_deg": [[0.0, 0.0, each_deg] for each_deg in angles_deg],
     }
+
+
+def _simple(
+    draw: np.random.Generator,
+    kind: str,
+    at_mm: np.ndarray,
+    room_mm: np.ndarray,
+    *,
+    ramp_s: float,
+    way_mm: float,
+    roll_deg: tuple[float, float],
+) -> Part:
+    """A press, a slide or a roll without its depth and its times."""
+    if kind == "press":
+        return {"at_mm": at_mm.tolist(), "ramp_s": ramp_s}
+    if kind == "slide":
+        to_mm = np.clip(at_mm + draw.uniform(-way_mm, way_mm, 2), -room_mm, room_mm)
+        return {"from_mm": at_mm.tolist(), "to_mm": to_mm.tolist(), "ramp_s": ramp_s}
+    direction_deg, angle_deg = float(draw.uniform(-180.0, 180.0)), float(draw.uniform(*roll_deg))
+    return {"at_mm": at_mm.tolist(), "direction_deg": direction_deg, "angle_deg": angle_deg}
 
 
 def sensor_with_errors(number: int, sensor: Part) -> Part:
@@ -170,27 +214,17 @@ def moving_pad_bodies(draw: np.random.Generator, sensor: Part) -> list[Part]:
     """One to three bodies on a pad, .01 to .28 thicknesses deep, at least 1.2 thicknesses apart."""
     size_mm, thickness_mm = np.array(sensor["sheet"]["size_mm"]), float(sensor["sheet"]["thickness_mm"])
     wanted = int(draw.choice([1, 1, 2, 2, 3]))
-    bodies: list[Part] = []
-    places: list[tuple[np.ndarray, float]] = []
-    for _ in range(100):
-        if len(bodies) == wanted:
-            break
-        shape = _pad_shape(draw)
-        reach_mm = min(_reach_mm(shape), 0.4 * float(size_mm.min()))
-        room_mm = 0.5 * size_mm - reach_mm - 0.6 * thickness_mm - 0.5
-        if (room_mm < 0.5).any():
-            continue
-        at_mm = draw.uniform(-room_mm, room_mm)
-        apart_mm = 1.2 * thickness_mm
-        if _is_nearer(apart_mm, at_mm, reach_mm, places):
-            continue
-        motion = _pad_motion(draw, shape, at_mm, room_mm, thickness_mm)
-        if motion["kind"] == "slide" and _is_nearer(apart_mm, np.array(motion["to_mm"]), reach_mm, places):
-            continue
-        places.append((at_mm, reach_mm))
-        friction = float(draw.choice([0.0, 0.3, 0.6, 1.0]))
-        bodies.append({"shape": shape, "friction": friction, "motions": [motion]})
-    return bodies
+    return _placed(
+        draw,
+        wanted,
+        tries=100,
+        apart_mm=1.2 * thickness_mm,
+        shape_of=_pad_shape,
+        reach_of=lambda shape: min(_reach_mm(shape), 0.4 * float(size_mm.min())),
+        room_of=lambda reach_mm: 0.5 * size_mm - reach_mm - 0.6 * thickness_mm - 0.5,
+        least_room_mm=0.5,
+        motion_of=partial(_pad_motion, thickness_mm=thickness_mm),
+    )
 
 
 def _pad_motion(
@@ -205,14 +239,11 @@ def _pad_motion(
     may_roll = shape["kind"] in {"sphere", "fingertip"}
     kind = str(draw.choice(["press", "press", "slide", "path", "roll" if may_roll else "path"]))
     motion: Part = {"kind": kind, "depth_mm": depth_mm, "start_s": start_s, "end_s": end_s}
-    if kind == "press":
-        return {**motion, "at_mm": at_mm.tolist(), "ramp_s": ramp_s}
-    if kind == "slide":
-        to_mm = np.clip(at_mm + draw.uniform(-4.0, 4.0, 2), -room_mm, room_mm)
-        return {**motion, "from_mm": at_mm.tolist(), "to_mm": to_mm.tolist(), "ramp_s": ramp_s}
-    if kind == "roll":
-        direction_deg, angle_deg = float(draw.uniform(-180.0, 180.0)), float(draw.uniform(10.0, 40.0))
-        return {**motion, "at_mm": at_mm.tolist(), "direction_deg": direction_deg, "angle_deg": angle_deg}
+    if kind != "path":
+        return {
+            **motion,
+            **_simple(draw, kind, at_mm, room_mm, ramp_s=ramp_s, way_mm=4.0, roll_deg=(10.0, 40.0)),
+        }
     angle_deg = float(draw.uniform(-90.0, 90.0))
     turned_deg = angle_deg + float(draw.choice([0.0, draw.uniform(-20.0, 20.0)]))
     dragged_mm = at_mm + draw.uniform(-0.1, 0.1, 2) * thickness_mm
