@@ -9,6 +9,7 @@ grows in the image. The constants are explained in ADR 51, ADR 131 and ADR 143.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float64
@@ -74,6 +75,13 @@ class MarkerComparison:
             return float("inf")
         return float(self._motion(self._groups, moved, is_seen).max())
 
+    def motions(self, sample: Float64[np.ndarray, "f m 2"]) -> Float64[np.ndarray, "f f"]:
+        """`group_motion` between every two frames."""
+        motion = np.zeros((len(sample), len(sample)))
+        for a, b in combinations(range(len(sample)), 2):
+            motion[a, b] = motion[b, a] = self.group_motion(sample[b], sample[a])
+        return motion
+
     def area_skewness(self, before_px: Points2, after_px: Points2) -> float:
         """Skewness, from -1 to 1, of the change of the areas between markers.
 
@@ -100,21 +108,16 @@ class MarkerComparison:
 
 
 def find_arrangements(
-    sample: Float64[np.ndarray, "f m 2"], compare: MarkerComparison, most_pitches: float
+    sample: Float64[np.ndarray, "f m 2"], motion: Float64[np.ndarray, "f f"], most_pitches: float
 ) -> list[RestArrangement]:
     """The arrangements of the frames, the one with the highest score first.
 
     Args:
         sample: (f, m, 2) positions of the markers in each frame.
-        compare: for these markers.
-        most_pitches: largest motion of a group of markers between frames of one arrangement.
+        motion: (f, f) between the frames, by `MarkerComparison.motions`.
+        most_pitches: largest motion between frames of one arrangement.
     """
-    count = len(sample)
-    motion = np.zeros((count, count))
-    for a in range(count):
-        for b in range(a):
-            motion[a, b] = motion[b, a] = compare.group_motion(sample[a], sample[b])
-    left, found = np.ones(count, dtype=np.bool_), []
+    left, found = np.ones(len(sample), dtype=np.bool_), []
     while True:
         agrees = (motion < most_pitches) & left & left[:, None]
         members = agrees[np.argmax(agrees.sum(axis=1))]
@@ -135,13 +138,22 @@ def find_arrangements(
 def least_pressed_part(
     whole: RestArrangement,
     sample: Float64[np.ndarray, "f m 2"],
-    compare: MarkerComparison,
+    motion: Float64[np.ndarray, "f f"],
     most_pitches: float,
+    compare: MarkerComparison,
 ) -> RestArrangement:
-    """The least pressed of the parts of an arrangement whose frames agree as closely as noise allows."""
-    parts = find_arrangements(sample[list(whole.frames)], compare, most_pitches)
+    """The least pressed of the parts of an arrangement whose frames agree as closely as noise allows.
+
+    Args:
+        whole: one of `find_arrangements`.
+        sample, motion: see there.
+        most_pitches: largest motion by noise.
+        compare: for these markers.
+    """
+    own = list(whole.frames)
+    parts = find_arrangements(sample[own], motion[np.ix_(own, own)], most_pitches)
     best, _ = least_pressed([each for each in parts if len(each.frames) >= FEWEST_STILL], compare)
-    return whole if best is None else replace(best, frames=tuple(whole.frames[k] for k in best.frames))
+    return whole if best is None else replace(best, frames=tuple(own[k] for k in best.frames))
 
 
 def least_pressed(

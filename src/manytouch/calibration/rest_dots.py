@@ -40,7 +40,8 @@ class RestDots:
         contrast: (n,) grey levels of 255.
         noise_px: (n,) noise of a centre (`geometry.centre_noise`); NaN below three frames.
         times_seen: (n,) number of rest frames that show the dot.
-        frames: indices of the rest frames among the given frames.
+        frames: indices of the rest frames among the given frames, which agree as closely as noise allows.
+        unmoved: number of the given frames in which no group of dots has moved by more than still sheets do.
         moved: whether more than a fifth of the usable frames do not agree with the rest frames.
     """
 
@@ -50,6 +51,7 @@ class RestDots:
     noise_px: Scalars
     times_seen: Counts
     frames: tuple[int, ...]
+    unmoved: int
     moved: bool
 
 
@@ -215,41 +217,43 @@ def _merge(group: list[Detections], frames: tuple[int, ...], *, moved: bool) -> 
         table[k, : len(row)] = row
     times = np.isfinite(table[..., 0]).sum(axis=0)
     table = table[:, times >= max(1.0, 0.4 * len(group))]
-    still = _still_frames(table[..., :2])
+    still, unmoved = _still_frames(table[..., :2])
     part = table[still]
     is_lost = ~np.isfinite(part[..., 0]).any(axis=0)
     if is_lost.any():  # seen in other frames only
         part[0, is_lost] = np.nanmedian(table[:, is_lost], axis=0)
-    return _medians_of_dots(part, tuple(frames[k] for k in still), moved=moved)
+    return _medians_of_dots(part, tuple(frames[k] for k in still), unmoved=unmoved, moved=moved)
 
 
-def _still_frames(position_px: Float64[np.ndarray, "f n 2"]) -> Int64[np.ndarray, " k"]:
+def _still_frames(position_px: Float64[np.ndarray, "f n 2"]) -> tuple[Int64[np.ndarray, " k"], int]:
     """The frames in which no group of dots is elsewhere than in the earliest one of them.
 
-    All frames where fewer than `_FEWEST_STILL` are like any of them, or fewer than `_FEWEST_DOTS` dots are in
-    all: these are too few to distinguish a press from noise.
+    Also the number of frames that are like it but for what still sheets move by, which may be more. These
+    are all frames where fewer than `_FEWEST_STILL` are like any of them, or fewer than `_FEWEST_DOTS` dots
+    are in all: too few to distinguish a press from noise.
     """
     count = len(position_px)
     position_px = position_px[:, np.isfinite(position_px[..., 0]).all(axis=0)]
     dots = position_px.shape[1]
     if count < _FEWEST_STILL or dots < _FEWEST_DOTS:
-        return np.arange(count)
+        return np.arange(count), count
     spacing_px = float(np.median(local_spacing(position_px[0])))
     steps_px = np.linalg.norm(np.diff(position_px, axis=0), axis=2)
     std_pitch = float(np.median(steps_px, axis=1).min()) / (_MEDIAN_LENGTH * spacing_px)
     motion = LocalMotion(noise_stds=_NOISE_STDS)
     groups, is_seen = marker_groups(position_px[0], spacing_px), np.ones(dots, dtype=np.bool_)
     steps = [float(motion(groups, each, is_seen).max()) for each in np.diff(position_px, axis=0)]
-    limit = min(motion.limits(TouchMemory(), std_pitch)[0], largest_of_still(steps))
-    for first_px in position_px[: count - _FEWEST_STILL + 1]:
-        away = [float(motion(groups, each - first_px, is_seen).max()) for each in position_px]
-        still = np.flatnonzero(np.array(away) <= limit)
-        if len(still) >= _FEWEST_STILL:
-            return still
-    return np.arange(count)
+    most, _ = motion.limits(TouchMemory(), std_pitch)
+    for limit in (min(most, largest_of_still(steps)), most):
+        for first_px in position_px[: count - _FEWEST_STILL + 1]:
+            away = np.array([motion(groups, each - first_px, is_seen).max() for each in position_px])
+            still = np.flatnonzero(away <= limit)
+            if len(still) >= _FEWEST_STILL:
+                return still, int((away <= most).sum())
+    return np.arange(count), count
 
 
-def _medians_of_dots(table: np.ndarray, frames: tuple[int, ...], *, moved: bool) -> RestDots:
+def _medians_of_dots(table: np.ndarray, frames: tuple[int, ...], *, unmoved: int, moved: bool) -> RestDots:
     times = np.isfinite(table[..., 0]).sum(axis=0)
     middle = np.nanmedian(table, axis=0) if table.size else np.zeros((0, 4))
     return RestDots(
@@ -259,5 +263,6 @@ def _medians_of_dots(table: np.ndarray, frames: tuple[int, ...], *, moved: bool)
         noise_px=read_only(centre_noise_px(table[..., :2])),
         times_seen=read_only(times.astype(np.int64)),
         frames=frames,
+        unmoved=unmoved,
         moved=moved,
     )

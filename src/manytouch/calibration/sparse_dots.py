@@ -95,6 +95,7 @@ def find_sparse_dots(frames: Sequence[Frame], roi_px: Roi | None) -> tuple[Polar
         noise_px=read_only(np.full(len(dots.times), np.nan)),
         times_seen=read_only(dots.times),
         frames=tuple(pictures),
+        unmoved=len(pictures),
         moved=False,
     )
 

@@ -21,7 +21,8 @@ from manytouch.values.arrays import Mask, Points2, Scalars, read_only, read_only
 _AROUND = 5  # neighbours of a marker in its group
 _STEPS = 2.0
 """Largest local motion of a still sheet over that between successive frames: a choice (ADR 143)."""
-_LEAST_MOTION = 0.0005  # in pitches; smaller ones are of no consequence
+_LEAST_MOTION = 0.0005
+"""Least such motion in pitches, where frames hardly differ: a choice, a tenth of what counts as motion."""
 _FEWEST = 12  # markers for a motion of the view with eight parameters; fewer only shift
 
 

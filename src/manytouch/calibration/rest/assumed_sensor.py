@@ -132,6 +132,7 @@ def sensor_from_dots(
             "made_by": "manytouch",
             "from": "first frames at rest",
             "still_frames": list(still.frames),
+            "unmoved_frames": still.unmoved,
         },
     )
     if shift_is_undetectable(sensor, still, roi_px=roi_px):

@@ -46,6 +46,7 @@ _STILL_SHARE = 0.8
 """Share of the first frames of a live source that must be still."""
 _UNMOVED_SHARE = 0.9
 """If more than this share of the compared frames are like the first ones, these are the rest: a choice."""
+_OF_FIRST_FRAMES = {"rest_frames", "unmoved_frames"}  # keys of provenance
 _SHOWN_SHARE = 0.5
 """Share of the markers that a picture of the same sensor shows, and of the pictures that show them."""
 
@@ -107,7 +108,8 @@ def arrangements_of_recording(
     compared = _compared_frames(grids, indices, place_px, compare)
     if not compared:
         return []
-    found = find_arrangements(np.stack([place_px[k] for k in compared]), compare, STILL_PITCHES)
+    sample = np.stack([place_px[k] for k in compared])
+    found = find_arrangements(sample, compare.motions(sample), STILL_PITCHES)
     return [
         replace(each, frames=tuple(indices[compared[k]] for k in each.frames))
         for each in found
@@ -193,10 +195,11 @@ def settle_rest(sensor: Sensor, grids: Sequence[TrackedGrid], indices: Sequence[
     limit = min(STILL_PITCHES, largest_of_still(steps))
     if np.mean(from_first < limit) > _UNMOVED_SHARE:
         return SettledRest(sensor=sensor)
-    best, is_doubtful = least_pressed(find_arrangements(sample, compare, STILL_PITCHES), compare)
+    motion = compare.motions(sample)
+    best, is_doubtful = least_pressed(find_arrangements(sample, motion, STILL_PITCHES), compare)
     if best is None:
         return _doubtful(sensor, RestDoubt.NEVER_TWICE)
-    best = least_pressed_part(best, sample, compare, limit)
+    best = least_pressed_part(best, sample, motion, limit, compare)
     some_px = (place_px[k] for k in usable[:: max(1, len(usable) // 200)])
     if compare.is_kept_of_a_press(best.position_px, first_px, some_px):
         return SettledRest(sensor=sensor)
@@ -224,7 +227,7 @@ def _with_rest(sensor: Sensor, position_px: Points2, frames: Sequence[int]) -> S
         layout=replace(layout, rest_px=read_only(rest_px)),
         assumptions=(*kept, sentence),
         provenance={
-            **{name: value for name, value in sensor.provenance.items() if name != "rest_frames"},
+            **{name: value for name, value in sensor.provenance.items() if name not in _OF_FIRST_FRAMES},
             "from": WHOLE_RECORDING,
             "still_frames": list(frames),
         },
@@ -245,8 +248,8 @@ def _with_doubt(sensor: Sensor, doubt: RestDoubt | None) -> Sensor:
 
 def is_still(sensor: Sensor, frames: int) -> bool:
     """Whether the markers did not move in the frames that a sensor was found in."""
-    still = sensor.provenance.get("still_frames")
-    return isinstance(still, list) and len(still) >= _STILL_SHARE * frames
+    unmoved = sensor.provenance.get("unmoved_frames")
+    return isinstance(unmoved, int) and unmoved >= _STILL_SHARE * frames
 
 
 def with_doubt_of_start(sensor: Sensor, frames: int) -> Sensor:

@@ -150,6 +150,21 @@ def test_a_start_with_moving_or_uneven_markers_is_a_doubt(
     )
 
 
+def test_a_gel_that_creeps_at_the_start_is_still_there() -> None:
+    """It moves by less than sheets that nobody touches, and by more than noise: fewer frames are the rest."""
+    grid_px, random = rectangle_px(10, 12, (45.0, 35.0), (60.0, 40.0)), np.random.default_rng(3)
+    bell = np.exp(-0.5 * ((grid_px - grid_px[65]) ** 2).sum(axis=1, keepdims=True) / 70.0**2)
+    crept = [
+        grid_px + 0.15 * share * bell + random.normal(0.0, 0.003, grid_px.shape)
+        for share in np.linspace(0.0, 1.0, 15)
+    ]
+    still = merge_rest_dots([detections_of(each) for each in crept])
+    assert len(still.frames) < 12
+    assert still.unmoved == 15
+    sensor = sensor_from_dots(still, name="live", width_px=640, height_px=420, polarity="dark")
+    assert not with_doubt_of_start(sensor, 15).rest_is_doubtful
+
+
 def test_pictures_of_different_sheets_in_a_folder_are_stated() -> None:
     def frame(index: int, image: np.ndarray) -> Frame:
         return Frame(index=index, timestamp_ns=index * 10**9, camera="folder", image=image)
