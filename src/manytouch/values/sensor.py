@@ -259,7 +259,7 @@ class Sensor:
     def rest_frames(self) -> int | None:
         """Number of frames of the recording whose mean the rest positions are; None if it is not known."""
         count, still = self.provenance.get("rest_frames"), self.provenance.get("still_frames")
-        found = len(still) if count is None and isinstance(still, list) else count
+        found = len(still) if count is None and isinstance(still, list | tuple) else count
         return found if isinstance(found, int) and found > 0 else None
 
     @property

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 from manytouch.recording.json_codec import from_json, to_json
+from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.values import Contact, ContactShape, OutlineRing, Phase
 
 ARRAYS = st.sampled_from(["float64", "float32", "int64", "int32", "uint8", "bool"]).flatmap(
@@ -76,3 +77,10 @@ def test_contacts_of_earlier_recordings_have_no_region() -> None:
     assert decoded.shape is None
     assert decoded.outline is None
     assert np.isnan(decoded.half_major_mm)
+
+
+def test_the_number_of_rest_frames_is_the_same_after_reading() -> None:
+    """A list becomes a tuple; `mechanics` weighs markers by that number."""
+    sensor = replace(demo_sensor(160), provenance={"still_frames": [0, 1, 2, 5]})
+    again = from_json(json.loads(json.dumps(to_json(sensor))))
+    assert sensor.rest_frames == again.rest_frames == 4
