@@ -19,5 +19,7 @@ def part_of_sheet(sensor: Sensor, size_mm: tuple[float, float]) -> Sensor:
         row_column=None,
         radius_mm=layout.radius_mm[near],
         is_missing=layout.is_missing[near],
+        rest_px=None if layout.rest_px is None else layout.rest_px[near],
+        rest_radius_px=None if layout.rest_radius_px is None else layout.rest_radius_px[near],
     )
     return replace(sensor, layout=few, sheet=replace(sheet, size_mm=np.array(size_mm)))

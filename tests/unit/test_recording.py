@@ -299,7 +299,7 @@ def test_other_programs_read_it_in_well_known_schemas(recorded: tuple[Path, Seen
         true_px = project(sensor.camera, np.array([[3.0, -2.0, 0.5]]))[0]
         np.testing.assert_allclose(shown_px[:2] / shown_px[2], true_px, rtol=1e-9)
         session = json.loads(next(reader.iter_messages(topics=["/session"]))[2].data)
-        assert session["method"] == "perimeter"
+        assert session["method"] == "mechanics"
         assert session["versions"]["manytouch"]
         assert session["parameters"]["detect"]["type"] == "DotSearch"
         deepest = max(

@@ -24,6 +24,7 @@ class ContactTrack:
 
     Attributes:
         contact: in the last frame that showed it; its id is -1 until it is confirmed.
+        given: id with which the contact was found in that frame; -1 without one.
         seen: number of frames that showed it.
         unseen: number of frames since the last of these.
     """
@@ -31,6 +32,7 @@ class ContactTrack:
     contact: Contact
     seen: int
     unseen: int = 0
+    given: int = -1
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -123,7 +125,8 @@ class ContactTracker:
 
         Args:
             state: of the frame before.
-            found: contacts of the frame; their ids and phases are ignored.
+            found: contacts of the frame; their phases are ignored. An id that is not -1, of another tracker,
+                continues the contact that was found with it in the last frame.
             may_start: which of them are clear enough to start a contact; the others only continue one.
                 None: all.
             is_loaded: of sheet coordinates (k, 2) in mm, whether something may still load the sheet there.
@@ -143,8 +146,9 @@ class ContactTracker:
         reported: list[Contact] = []
         for index, track in enumerate(state.tracks):
             if index in partner:
+                now = found[partner[index]]
                 continued = ContactTrack(
-                    contact=replace(found[partner[index]], id=track.contact.id), seen=track.seen + 1
+                    contact=replace(now, id=track.contact.id), seen=track.seen + 1, given=now.id
                 )
                 continued, next_id = self._confirm(continued, next_id)
             elif track.contact.id < 0:
@@ -161,7 +165,8 @@ class ContactTracker:
         assigned = set(partner.values())
         for number, contact in enumerate(found):
             if number not in assigned and allowed[number]:
-                new, next_id = self._confirm(ContactTrack(contact=replace(contact, id=-1), seen=1), next_id)
+                track = ContactTrack(contact=replace(contact, id=-1), seen=1, given=contact.id)
+                new, next_id = self._confirm(track, next_id)
                 tracks.append(new)
         reported += [track.contact for track in tracks if track.contact.id >= 0]
         reported.sort(key=lambda contact: contact.id)
@@ -172,9 +177,15 @@ class ContactTracker:
         """Index in `found` for the index of each track that continues."""
         if not state.tracks or not found:
             return {}
+        number = {contact.id: index for index, contact in enumerate(found) if contact.id >= 0}
+        known = {
+            index: number[track.given] for index, track in enumerate(state.tracks) if track.given in number
+        }
         before = np.array([track.contact.centre_mm for track in state.tracks])
         now = np.array([contact.centre_mm for contact in found])
         distance = np.linalg.norm(before[:, None] - now, axis=-1)
+        distance[list(known)] = np.inf
+        distance[:, list(known.values())] = np.inf
         gate = state.gate_mm * (1.0 + np.array([track.unseen for track in state.tracks]))[:, None]
         if self.gate_stds > 0.0:
             tracked = np.array([_centre_variance_mm2(track.contact) for track in state.tracks])
@@ -187,7 +198,8 @@ class ContactTracker:
         far = (len(before) + len(now)) * 2.0
         cost = np.where(distance <= gate, (distance / gate) ** 2 + 0.5 * waits, far)
         rows, columns = linear_sum_assignment(cost)
-        return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if distance[r, c] <= gate[r, c]}
+        pairs = zip(rows, columns, strict=True)
+        return known | {int(r): int(c) for r, c in pairs if distance[r, c] <= gate[r, c]}
 
     def _confirm(self, track: ContactTrack, next_id: int) -> tuple[ContactTrack, int]:
         """The track, with an identity if it was seen often enough, and the next identity."""

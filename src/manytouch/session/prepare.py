@@ -170,7 +170,7 @@ def prepare(
     Args:
         input: a source, or what `open_source` takes.
         sensor: a sensor, or its file; None uses the source's own, or finds the layout in the first frames.
-        method: one of `METHODS`; None selects `mechanics` where the sheet is known, else `perimeter`.
+        method: one of `METHODS`; None selects `mechanics` where a sheet is known or assumed, or `perimeter`.
         pitch_mm: distance of neighbouring markers, one number or (x, y); None gives lengths in pitches.
         hfov_deg: horizontal field of view of the camera; None assumes 60 degrees.
         roi_px: the part of the image to process.

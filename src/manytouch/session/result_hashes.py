@@ -7,7 +7,7 @@ from pathlib import Path
 
 import manytouch
 from manytouch.recording.json_codec import to_json
-from manytouch.session.methods import ParameterValue, default_method, pipeline_for
+from manytouch.session.methods import DEFAULT, ParameterValue, default_method, pipeline_for
 from manytouch.sinks.files.hashing import files_hash, text_hash, values_hash
 from manytouch.sinks.files.summary import parameters
 from manytouch.sources import Source
@@ -54,7 +54,7 @@ def request_hashes(source: Source, text: str, request: Request) -> Mapping[str, 
     given = request.parameters if method is not None else {}  # else the method follows from the input
     options = {
         "method": method,
-        "pipeline": parameters(pipeline_for(method, request.roi_px, given)),
+        "pipeline": parameters(pipeline_for(method or DEFAULT, request.roi_px, given)),
         "pitch_mm": to_json(request.pitch_mm),
         "hfov_deg": to_json(request.hfov_deg),
         "fps": to_json(request.fps),

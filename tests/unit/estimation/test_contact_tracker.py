@@ -184,3 +184,14 @@ def test_an_uncertain_centre_may_jump_further():
     for tracker, x_mm in ((TRACKER, 0.0), (uncertain, 9.5)):
         (last,) = track(frames, tracker=tracker)[-1].touching
         assert last.centre_mm[0] == x_mm
+
+
+def test_a_contact_of_another_tracker_continues_wherever_it_is():
+    """Its id counts, not its place; without one, the place does."""
+    first, second = replace(contact(0, 0), id=7), replace(contact(5, 0), id=8)
+    frames = [[first, second]] * 2 + [[replace(contact(30, 0), id=7), replace(contact(0, 0), id=8)]]
+    tracked = track(frames)
+    places = {each.id: float(each.centre_mm[0]) for each in tracked[-1].touching}
+    assert places == {0: 30.0, 1: 0.0}
+    tracked = track([*frames, [contact(1, 0), replace(contact(30, 0), id=9)]])
+    assert {each.id: float(each.centre_mm[0]) for each in tracked[-1].touching} == {0: 30.0, 1: 1.0}

@@ -53,7 +53,9 @@ from manytouch.values import (
     UseMethod,
 )
 
-WHOLE = next(name for name, value in parameters_of(pipeline_for()).items() if isinstance(value, int))
+WHOLE = next(
+    name for name, value in parameters_of(pipeline_for("mechanics")).items() if isinstance(value, int)
+)
 
 
 class Seen:
@@ -390,7 +392,7 @@ def test_the_old_method_goes_on_until_the_new_one_is_ready(monkeypatch: pytest.M
     seen = Watching(live, at_5=UseMethod(method="paper"), waits_at=35)
     run(live, [seen])
     assert len(seen.readings) == 60
-    assert methods[:35] == ["perimeter"] * 35
+    assert methods[:35] == ["mechanics"] * 35
     assert methods[-1] == live.health().method == "paper"
     assert ("paper", "manytouch-prepare") in warmed
     assert "manytouch-prepare" not in [thread.name for thread in threading.enumerate()]

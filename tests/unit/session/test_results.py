@@ -395,7 +395,7 @@ def test_a_session_has_the_hash_of_process_unless_a_command_changed_its_results(
     expected = summary_of(folder)["hash"]
     assert expected is not None
     assert session_hash(folder) == expected
-    assert session_hash(folder, Pause(), Resume(), UseMethod(method="perimeter")) == expected
+    assert session_hash(folder, Pause(), Resume(), UseMethod(method="mechanics")) == expected
     assert session_hash(folder, UseMethod(method="paper")) is None
     assert session_hash(folder, Tune(parameter="detect.least_snr", value=3.5)) is None
     assert session_hash(folder, Press(finger=0, x_mm=0.0, y_mm=0.0, depth_mm=1.0)) is None
@@ -478,8 +478,14 @@ def small_source() -> SimulatedSource:
     return replace(source, simulator=replace(source.simulator, sensor=sensor, faults=None))
 
 
-def test_the_default_method_is_mechanics_where_the_sheet_is_known() -> None:
-    assert prepare(DrawnSource()).method == "perimeter"
+def test_the_default_method_is_mechanics_where_the_sheet_is_known_or_assumed() -> None:
+    found = prepare(DrawnSource())
+    assert found.method == "mechanics"
+    few = part_of_sheet(found.sensor, (3.0, 3.0))
+    assert len(few.layout.rest_mm) < 12
+    assert default_method(few) == "perimeter"
+    assert default_method(replace(few, sheet=replace(few.sheet, is_assumed=False))) == "mechanics"
+    assert default_method(replace(found.sensor, sheet=None)) == "perimeter"
     source = small_source()
     assert prepare(source).method == "mechanics"
     assert prepare(source, method="paper").method == "paper"

@@ -220,7 +220,7 @@ MethodName = Annotated[
     Method | None,
     Parameter(
         name="--method",
-        help="Estimation method. [default: mechanics; perimeter if the sheet is unknown]",
+        help="Estimation method. [default: mechanics; perimeter if the sensor file has no sheet]",
         show_default=False,
     ),
 ]

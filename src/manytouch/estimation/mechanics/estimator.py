@@ -161,16 +161,14 @@ class MechanicsEstimator:
             state = replace(state, without_sheet=rules.step(state.without_sheet, grid))
         if grid.is_seen.sum() < MIN_MARKERS:
             return self._step_unusable(state, grid, Status.FEW_MARKERS)
-        if not rules.is_fitted(model, state.undescribed):
+        if not rules.is_fitted(model, state.undescribed, grid, state.reference_px):
             return self._step_undescribed(state.at_rest(), grid)
-        fitted = state
-        if model.is_assumed:
-            std_px = rules.model_std_px(grid, state.reference_px, state.model_std_px)
-            fitted = replace(state, model_std_px=std_px)
-        fit = self.fit_frame(fitted, grid)
-        if rules.describes(model, fit, grid, state.reference_px, state.pitch_px):
+        std_px = rules.model_std_px(model, grid, state.reference_px, state.model_std_px)
+        fit = self.fit_frame(replace(state, model_std_px=std_px), grid)
+        is_described = rules.describes(model, fit, grid, state.reference_px, state.pitch_px)
+        if is_described and (state.undescribed == 0 or rules.shows(model, fit, grid)):
             return self._step_described(replace(state, undescribed=0), grid, fit)
-        is_lost = model.is_assumed or fit.status is not Status.OK
+        is_lost = fit.status is not Status.OK or (model.is_assumed and not is_described)
         state = state.at_rest() if is_lost else state.with_fit(fit)
         if model.is_assumed or state.undescribed >= rules.wait_frames:
             return self._step_undescribed(state, grid)
@@ -344,13 +342,16 @@ class MechanicsEstimator:
     ) -> tuple[MechanicsState, Surface, Contacts]:
         """A frame that the sheet does not describe: surface and contacts are those of `perimeter`."""
         model, found, rules = state.model, state.without_sheet, self.undescribed_frames
+        may_last = rules.may_last(model, state.undescribed)
+        state = replace(state, undescribed=state.undescribed + 1)
         if not model.is_assumed:
-            state = replace(state, undescribed=state.undescribed + 1)
             if rules.is_torn(grid, state.reference_px, state.neighbours):
                 return self._step_unusable(state, grid, Status.NOT_CONVERGED)
             found = rules.step(found, grid)
         surface = unknown_surface(model.layout, grid.status) if found.surface is None else found.surface
-        tracks, contacts = self.contact_tracker.step(state.tracks, found.touching, status=grid.status)
+        tracks, contacts = self.contact_tracker.step(
+            state.tracks, found.touching, is_loaded=may_last, status=grid.status
+        )
         after = replace(state, tracks=tracks, without_sheet=found)
         if grid.status is Status.OK and not found.is_touched:
             after = self._update_reference(after, grid)

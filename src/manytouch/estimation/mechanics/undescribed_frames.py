@@ -3,9 +3,11 @@
 The outline, the thickness and the pretension of an assumed sheet differ from the true ones, so that its
 marker images differ by a share of the motion of the markers; a pad bonded to a window, or a sheet that is
 drawn in from beyond the view, differs by much more. So does a sheet that is not that of the sensor file. Such
-frames have the surface and the contacts of `perimeter`, without forces.
+frames have the surface and the contacts of `perimeter`, without forces. An assumed sheet
+that did not describe a frame must be shown again by one: while little moves, a pad looks like a sheet.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -18,7 +20,7 @@ from manytouch.estimation.perimeter.marker_surface import MarkerGeometry, Marker
 from manytouch.estimation.uncalibrated.swelling_load import uncalibrated_contact_finder
 from manytouch.geometry.neighbours import Neighbours
 from manytouch.values import Contact, Sensor, Status, Surface, TrackedGrid
-from manytouch.values.arrays import Points2
+from manytouch.values.arrays import Mask, Points2
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -53,6 +55,10 @@ class UndescribedFrames:
             motion of the markers in this frame.
         most_misfit: largest RMS residual of a sheet that is described, over the RMS motion of the markers.
         misfit_pitch: residuals below this are no misfit, in pitches.
+        light_misfit: largest RMS residual that noise does not explain, over the RMS motion, where an assumed
+            sheet moves little. Presses on 39 simulated sheets have .07 to .17 at best, those on 16 pads .2
+            or more.
+        noise_stds: noise explains an RMS residual of this many deviations of the positions of the markers.
         most_chi2: least mean square of residuals over their deviation that is a misfit of a known sheet; the
             varied cases, with drawn sensor files too, have 5 at most.
         wait_frames: number of frames in a row that a known sheet may not describe before `perimeter` is used;
@@ -60,6 +66,8 @@ class UndescribedFrames:
         retry_frames: after these, as many in each group of this number of frames are fitted.
         rest_frames, rest_interval: the dots at rest are observed in the first `rest_frames` frames in which a
             known sheet is not touched, and then once in `rest_interval`, because it takes time.
+        moved_stds: least RMS motion of the markers, over its deviation, of a frame that may show an assumed
+            sheet again.
         most_rough: largest RMS difference of the motions of a marker and of its nearest neighbour, over the
             RMS motion, that a sheet has; above it tracking has failed, and contacts wait.
     """
@@ -69,11 +77,14 @@ class UndescribedFrames:
     model_share: float = 0.005
     most_misfit: float = 0.07
     misfit_pitch: float = 0.003
+    light_misfit: float = 0.2
+    noise_stds: float = 1.5
     most_chi2: float = 10.0
     wait_frames: int = 5
     retry_frames: int = 15
     rest_frames: int = 15
     rest_interval: int = 10
+    moved_stds: float = 3.0
     most_rough: float = 0.7
 
     def start(self, sensor: Sensor) -> WithoutSheet:
@@ -107,13 +118,25 @@ class UndescribedFrames:
         is_observed = count < self.rest_frames or count % self.rest_interval == 0
         return replace(self.step(before, grid) if is_observed else before, frames_at_rest=count + 1)
 
-    def model_std_px(self, grid: TrackedGrid, reference_px: Points2, model_std_px: float) -> float:
-        """Standard deviation of a marker image that the assumed sheet does not explain in a frame."""
+    def model_std_px(
+        self, model: InversionModel, grid: TrackedGrid, reference_px: Points2, model_std_px: float
+    ) -> float:
+        """Standard deviation of a marker image that the sheet does not explain in a frame."""
+        if not model.is_assumed:
+            return model_std_px
         return float(np.hypot(model_std_px, self.model_share * _rms(grid.position_px - reference_px, grid)))
 
-    def is_fitted(self, model: InversionModel, undescribed: int) -> bool:
-        """Whether the next frame is fitted, after so many in a row that the sheet did not describe."""
-        return model.is_assumed or undescribed % self.retry_frames < self.wait_frames
+    def is_fitted(
+        self, model: InversionModel, undescribed: int, grid: TrackedGrid, reference_px: Points2
+    ) -> bool:
+        """Whether the next frame is fitted, after so many in a row that the sheet did not describe.
+
+        Motion that is mostly noise does not show an assumed sheet.
+        """
+        if not model.is_assumed:
+            return undescribed % self.retry_frames < self.wait_frames
+        moved_px = _rms(grid.position_px - reference_px, grid)
+        return undescribed == 0 or moved_px > self.moved_stds * _noise_px(grid)
 
     def is_torn(self, grid: TrackedGrid, reference_px: Points2, neighbours: Neighbours) -> bool:
         """Whether neighbours move so differently that the markers are not those of one sheet."""
@@ -123,17 +146,47 @@ class UndescribedFrames:
         return bool(np.square(rough_px).sum() > self.most_rough**2 * np.square(motion_px[both]).sum())
 
     def describes(
-        self, model: InversionModel, fit: Fit, grid: TrackedGrid, reference_px: Points2, pitch_px: float
+        self,
+        model: InversionModel,
+        fit: Fit,
+        grid: TrackedGrid,
+        reference_px: Points2,
+        pitch_px: float,
     ) -> bool:
         """Whether the sheet describes the frame."""
         if fit.status is not Status.OK:
             return False
         if not model.is_assumed and fit.chi2 <= self.most_chi2:
             return True
-        moved_px = _rms(grid.position_px - reference_px, grid)
-        return _rms(fit.residual_px, grid) <= max(self.most_misfit * moved_px, self.misfit_pitch * pitch_px)
+        moved_px, misfit_px = _rms(grid.position_px - reference_px, grid), _rms(fit.residual_px, grid)
+        if misfit_px > max(self.most_misfit * moved_px, self.misfit_pitch * pitch_px):
+            return False
+        noise_px = self.noise_stds * _noise_px(grid) if model.is_assumed else np.inf
+        return misfit_px <= float(np.hypot(noise_px, self.light_misfit * moved_px))
+
+    def shows(self, model: InversionModel, fit: Fit, grid: TrackedGrid) -> bool:
+        """Whether a frame that the sheet describes is evidence of it; a known sheet needs none."""
+        moved_px = _rms(fit.shape.displacement_px, grid)
+        return not model.is_assumed or _rms(fit.residual_px, grid) <= self.light_misfit * moved_px
+
+    def may_last(self, model: InversionModel, undescribed: int) -> Callable[[Points2], Mask] | None:
+        """Where a contact may last that a frame without a model of the sheet does not show.
+
+        Everywhere (None) in the first of such frames, after so many in a row that the sheet did not describe;
+        later nowhere: the contact finder has waited already.
+        """
+        return None if undescribed <= (0 if model.is_assumed else self.wait_frames) else _nowhere
+
+
+def _nowhere(place_mm: Points2) -> Mask:
+    return np.zeros(len(place_mm), dtype=np.bool_)
 
 
 def _rms(change_px: Points2, grid: TrackedGrid) -> float:
     """Root mean square of the lengths of vectors (m, 2) of the seen markers."""
     return float(np.sqrt(np.square(change_px[grid.is_seen]).sum(axis=1).mean()))
+
+
+def _noise_px(grid: TrackedGrid) -> float:
+    """Root mean square of the deviations of the positions of the seen markers, as lengths."""
+    return float(np.sqrt(np.trace(grid.covariance_px2[grid.is_seen], axis1=1, axis2=2).mean()))

@@ -8,6 +8,7 @@ from types import NoneType
 from manytouch.detection import DotSearch
 from manytouch.errors import ManytouchError, require_type
 from manytouch.estimation import MechanicsEstimator, PadEstimator, PerimeterEstimator
+from manytouch.estimation.mechanics.inversion.sheet_model import MIN_MARKERS
 from manytouch.paper.detection import PaperDetection
 from manytouch.paper.estimation import PaperEstimation
 from manytouch.paper.tracking import PaperTracking
@@ -19,8 +20,8 @@ from manytouch.values.images.roi import require_roi
 from manytouch.values.surface import SPLINE
 
 METHODS = ("mechanics", "perimeter", "paper")
-DEFAULT = "perimeter"
-"""The method that needs no properties of the sheet."""
+DEFAULT = "mechanics"
+"""The method of a sensor of which nothing is known yet."""
 PAD = "pad"
 """Instead of `mechanics` where kernels are compiled: on a bonded pad it has kernels of its own."""
 
@@ -44,9 +45,13 @@ def kernels() -> dict[str, bool]:
 
 
 def default_method(sensor: Sensor) -> str:
-    """The best method for a sensor: mechanics where its scale and its sheet are known."""
-    if sensor.sheet is None or not sensor.scale_is_known:
-        return DEFAULT
+    """The best method for a sensor: mechanics where it has a sheet, which may be assumed.
+
+    A known sheet with too few markers for it is an error of the file; an assumed one is not.
+    """
+    sheet, layout = sensor.sheet, sensor.layout
+    if sheet is None or (sheet.is_assumed and layout is not None and len(layout.rest_mm) < MIN_MARKERS):
+        return "perimeter"
     return "mechanics"
 
 
@@ -71,7 +76,7 @@ def pipeline_for(
     """The stages of a method.
 
     Args:
-        method: one of `METHODS`; None selects the one that works with every sensor.
+        method: one of `METHODS`; None: "perimeter", which works with every sensor.
         roi_px: the part of the image to process; None for all of it.
         parameters: values other than the defaults, by stage and field (`session.methods.parameters`).
 
@@ -80,7 +85,7 @@ def pipeline_for(
     """
     require_roi(roi_px)
     require_type("parameters", parameters, (Mapping, NoneType), "a dictionary of names and values")
-    return with_parameters(_default_pipeline(method or DEFAULT, roi_px), parameters or {})
+    return with_parameters(_default_pipeline(method or "perimeter", roi_px), parameters or {})
 
 
 def _default_pipeline(method: str, roi_px: Roi | None) -> Pipeline:

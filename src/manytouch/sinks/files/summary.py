@@ -66,6 +66,7 @@ class Summary:
         self._begin_ns: int | None = None
         self._first_touch_ns: int | None = None
         self._methods: Counter[str] = Counter()
+        self._touched_without_sheet = 0
         self._spline: SheetSpline | None = None
         self._added: tuple[str, ...] = ()
 
@@ -88,7 +89,9 @@ class Summary:
         if reading.surface.spline is not None:
             self._spline = reading.surface.spline
         if reading.status is Status.OK:
-            self._methods[method_of(reading, self._method) or self._method] += 1
+            method = method_of(reading, self._method) or self._method
+            self._methods[method] += 1
+            self._touched_without_sheet += bool(touching) and method == WITHOUT_SHEET
 
     def add_warnings(self, sentences: Sequence[str]) -> None:
         """Add warnings of the session, in place of those that were added before."""
@@ -198,21 +201,7 @@ class Summary:
             if status is not Status.OK:
                 has = "frame has" if frames == 1 else "frames have"
                 sentences.append(f"{count} of {frames} {has} the status {status}. {status.remedy}")
-        without_sheet = 0 if self._method == WITHOUT_SHEET else self._methods[WITHOUT_SHEET]
-        if without_sheet > MOSTLY * self._status[Status.OK] and self._has_known_sheet:
-            sentences.append(
-                f"the sensor file does not fit this recording: {without_sheet} of {frames} frames do not "
-                "show the clamped sheet that it states. Do not use the contacts, depths and forces of this "
-                "run until the file is corrected (size_mm, thickness_mm, pitch_mm, fx_px, fy_px), or "
-                "process without --sensor, with --pitch-mm. The surface and the contacts of these frames "
-                "are those of the method perimeter, and have no forces, not even relative ones"
-            )
-        elif without_sheet:
-            sentences.append(
-                f"{without_sheet} of {frames} frames do not show the clamped sheet "
-                f"{_shape_and_remedy(self._sensor)}; their surface and contacts are those of the method "
-                "perimeter, and have no forces, not even relative ones"
-            )
+        sentences += self._without_sheet()
         found = self._sensor.provenance.get("rest_warnings")
         for sentence in found if isinstance(found, list | tuple) else ():
             sentences.append(f"the sensor file was made with a warning: {sentence}")
@@ -233,6 +222,35 @@ class Summary:
             who = "1 marker is" if len(rare) == 1 else f"{len(rare)} markers are"
             sentences.append(f"{who} seen in less than half of the frames: {named}")
         return sentences
+
+    def _without_sheet(self) -> list[str]:
+        """A warning if frames do not show the sheet; of an assumed sheet, only frames with a contact can."""
+        frames, without_sheet = sum(self._status.values()), self._methods[WITHOUT_SHEET]
+        if self._method == WITHOUT_SHEET:
+            return []
+        if self._sensor.sheet is not None and self._sensor.sheet.is_assumed:
+            if self._touched_without_sheet <= MOSTLY * self._frames_touched:
+                return []
+            return [
+                f"{self._touched_without_sheet} of {self._frames_touched} frames with a contact do not show "
+                f"the clamped sheet {_shape_and_remedy(self._sensor)}; their surface and contacts are those "
+                "of the method perimeter, and have no forces, not even relative ones"
+            ]
+        if without_sheet > MOSTLY * self._status[Status.OK] and self._has_known_sheet:
+            return [
+                f"the sensor file does not fit this recording: {without_sheet} of {frames} frames do not "
+                "show the clamped sheet that it states. Do not use the contacts, depths and forces of this "
+                "run until the file is corrected (size_mm, thickness_mm, pitch_mm, fx_px, fy_px), or "
+                "process without --sensor, with --pitch-mm. The surface and the contacts of these frames "
+                "are those of the method perimeter, and have no forces, not even relative ones"
+            ]
+        if without_sheet:
+            return [
+                f"{without_sheet} of {frames} frames do not show the clamped sheet "
+                f"{_shape_and_remedy(self._sensor)}; their surface and contacts are those of the method "
+                "perimeter, and have no forces, not even relative ones"
+            ]
+        return []
 
     @property
     def _has_known_sheet(self) -> bool:
@@ -288,8 +306,8 @@ def _shape_and_remedy(sensor: Sensor) -> str:
     (x, y), unit = sheet.size_mm, sensor.length_unit
     return (
         f"that was assumed ({x:.4g} x {y:.4g} {unit}, {sheet.thickness_mm:.3g} {unit} thick, from the "
-        "pitch): give a sensor file (--sensor) in which size and thickness are measured, since guessed ones "
-        "give worse results than none"
+        'pitch): give a sensor file (--sensor) in which size and thickness, and boundary = "bonded" of a pad '
+        "on a window, are right, since guessed ones give worse results than none"
     )
 
 

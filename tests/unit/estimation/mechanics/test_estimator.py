@@ -474,6 +474,47 @@ def test_frames_that_an_assumed_sheet_does_not_describe_are_those_of_the_perimet
     assert len(contacts.touching) == 2
 
 
+def test_contacts_of_frames_that_an_assumed_sheet_does_not_describe_begin_and_end_as_in_perimeter(
+    model: InversionModel,
+) -> None:
+    """Also where they jump, and after they ended, while little moves."""
+    sensor, other = assumed_sensor(), PerimeterEstimator()
+    state, other_state = ESTIMATE.start(sensor), other.start(sensor)
+    flat = np.zeros((model.patch.node_count, 3))
+    place_mm, seen = model.layout.rest_mm[:, :2], 0
+    for frame in range(30):
+        grid = grid_of(model, flat, seed=frame)
+        at_mm = [6.0, 4.0] if frame < 9 else [-8.0, -6.0]
+        pull_px = 25.0 * np.exp(-0.5 * ((place_mm - at_mm) ** 2).sum(axis=1) / 6.0**2)
+        if 3 <= frame < 15 or 20 <= frame < 26:
+            grid = replace(grid, position_px=grid.position_px + pull_px[:, None] * [1.0, 0.4])
+        state, surface, contacts = ESTIMATE.step(state, grid)
+        other_state, _, expected = other.step(other_state, grid)
+        assert (surface.spline is None) == (frame >= 3)
+        assert [each.id for each in contacts.contacts] == [each.id for each in expected.contacts]
+        assert [each.phase for each in contacts.contacts] == [each.phase for each in expected.contacts]
+        seen += len(contacts.touching)
+    assert seen > 15
+
+
+def test_a_pad_whose_markers_move_little_does_not_show_an_assumed_sheet(model: InversionModel) -> None:
+    """Their motion is less than what is no misfit of a known sheet, but no sheet has it without noise."""
+    flat = np.zeros((model.patch.node_count, 3))
+    away_mm = np.linalg.norm(model.layout.rest_mm[:, :2] - [6.0, 4.0], axis=1)
+    pull_px = 0.15 * np.exp(-0.5 * (away_mm / 3.0) ** 2)
+    state = ESTIMATE.start(assumed_sensor())
+    rules, pitch_px = ESTIMATE.undescribed_frames, state.pitch_px
+    assert np.sqrt(np.mean(pull_px**2)) < rules.misfit_pitch * pitch_px
+    press = bent(model, (6.0, 4.0, 0.02))
+    for frame in range(24):
+        is_pulled, is_pressed = 4 <= frame < 8, frame >= 14
+        grid = grid_of(model, press if is_pressed else flat, noise_px=0.002, seed=frame)
+        if is_pulled:
+            grid = replace(grid, position_px=grid.position_px + pull_px[:, None] * [1.0, 0.4])
+        state, surface, _ = ESTIMATE.step(state, grid)
+        assert (surface.spline is None) == (4 <= frame < 14)
+
+
 def test_frames_that_the_sheet_of_the_file_does_not_describe_for_long_are_those_of_perimeter(
     model: InversionModel, shape: np.ndarray
 ) -> None:

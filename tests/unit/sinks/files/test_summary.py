@@ -143,9 +143,8 @@ def test_frames_count_for_the_method_that_estimated_them(sensor, reading_of):
 
 def test_a_sensor_file_that_describes_few_frames_does_not_fit(sensor, reading_of):
     known = replace(sensor, sheet=Sheet(size_mm=np.array([30.0, 30.0]), thickness_mm=2.0))
-    assumed = replace(known, sheet=replace(known.sheet, is_assumed=True))
-    for given, described, fits in ((known, 1, False), (known, 4, True), (assumed, 1, True)):
-        summary = summary_of(given, method="mechanics")
+    for described, fits in ((1, False), (4, True)):
+        summary = summary_of(known, method="mechanics")
         for index in range(6):
             reading = reading_of(index)
             spline = FLAT if index < described else None
@@ -153,6 +152,20 @@ def test_a_sensor_file_that_describes_few_frames_does_not_fit(sensor, reading_of
         (sentence,) = summary.warnings()
         assert ("the sensor file does not fit this recording: 5 of 6 frames" in sentence) == (not fits)
         assert ("Do not use the contacts, depths and forces of this run" in sentence) == (not fits)
+
+
+def test_only_frames_with_a_contact_can_differ_from_an_assumed_sheet(sensor, reading_of, contact_of):
+    assumed = Sheet(size_mm=np.array([30.0, 30.0]), thickness_mm=2.0, is_assumed=True)
+    for touched, described, warns in ((0, 0, False), (4, 3, False), (4, 1, True)):
+        summary = summary_of(replace(sensor, sheet=assumed), method="mechanics")
+        for index in range(6):
+            is_touched = index < touched
+            reading = reading_of(index, (contact_of(1, Phase.MOVE),) if is_touched else ())
+            spline = FLAT if index < described else None
+            summary.write(replace(reading, surface=replace(reading.surface, spline=spline)))
+        found = [each for each in summary.warnings() if "do not show the clamped sheet" in each]
+        assert bool(found) == warns
+        assert all(each.startswith("3 of 4 frames with a contact") for each in found)
 
 
 @pytest.mark.parametrize(

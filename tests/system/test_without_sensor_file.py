@@ -1,0 +1,49 @@
+"""What `process` makes of pictures of a clamped sheet of which nothing is known."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+import manytouch
+from manytouch.sources.simulated import simulated_source
+from results import rows_of
+
+PITCH_MM, PITCH_PX = 4.0, 20.0
+STEP = 4  # of the frames that are processed
+
+
+def test_five_fingers_without_a_sensor_file(tmp_path: Path) -> None:
+    """Nothing states the scale, so that places are compared in the image, and depths in pitches."""
+    simulator = simulated_source("fingers", width_px=640).simulator
+    shown = range(0, 290, STEP)
+    for number, index in enumerate(shown):
+        cv2.imwrite(str(tmp_path / f"{number:04d}.png"), simulator.frame(index).image)
+    folder = manytouch.process(str(tmp_path), out=tmp_path / "results", fps=30.0 / STEP)
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["method"] == "mechanics"
+    assert not [sentence for sentence in summary["warnings"] if "clamped sheet" in sentence]
+    rows = [row for row in rows_of(folder / "contacts.csv") if row["phase"] != "end"]
+    away_px, depth_error, missed, false = [], [], 0, 0
+    for number, index in enumerate(shown):
+        found = [row for row in rows if int(row["frame"]) == number]
+        place_px = np.array([[float(row["x_px"]), float(row["y_px"])] for row in found]).reshape(-1, 2)
+        touching = simulator.truth(index).contacts.touching
+        taken = set()
+        for contact in touching:
+            distance_px = np.linalg.norm(place_px - contact.centre_px, axis=1)
+            nearest = int(np.argmin(distance_px)) if found else -1
+            if nearest < 0 or distance_px[nearest] > 0.75 * PITCH_PX:
+                missed += 1
+                continue
+            taken.add(nearest)
+            away_px.append(distance_px[nearest])
+            depth_error.append(float(found[nearest]["depth_pitch"]) * PITCH_MM / contact.depth_mm - 1.0)
+        false += len(found) - len(taken)
+    assert len(away_px) > 100
+    assert missed <= 0.05 * len(away_px)
+    assert false <= 0.05 * len(away_px)
+    assert np.median(away_px) < 0.1 * PITCH_PX
+    assert abs(np.median(depth_error)) < 0.05
+    assert np.percentile(np.abs(depth_error), 80) < 0.1
