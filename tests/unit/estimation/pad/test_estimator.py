@@ -204,6 +204,25 @@ def test_the_depth_of_a_flat_face_that_is_dragged_or_turned_is_less_certain(
     assert found == pytest.approx(np.hypot(usual, more_mm))
 
 
+def test_the_depth_of_a_narrow_contact_is_less_certain(pad_state: PadState) -> None:
+    """The part of the deviation that depends on the width, over the depth, for three widths."""
+    fit = PadEstimator().fit_frame(pad_state, grid_at(pressed_px(pad_state, ONE), noise_px=0.01, seed=0))
+    found = []
+    for width in (0.1, 0.35, 1.0):
+        root_mm = width * THICKNESS_MM / np.sqrt(2.0)
+        one = np.array([[0.5, -0.5, root_mm, 0.0, root_mm, 1.0, 0.0, 0.0, 0.0, -0.2]])
+        wide = replace(fit, patches=patches(one, Profile.DOME), sheet=np.zeros_like(fit.sheet))
+        shape = pad_shape(pad_state.model, wide)
+        with_it, without_it = (
+            PadContacts(narrow=share, most_depth_std=np.inf)(pad_state.model, wide, shape)[0]
+            for share in (0.25, 0.0)
+        )
+        assert with_it.depth_mm == without_it.depth_mm
+        variance_mm2 = with_it.std("depth") ** 2 - without_it.std("depth") ** 2
+        found.append(float(np.sqrt(max(variance_mm2, 0.0)) / with_it.depth_mm))
+    assert found == pytest.approx([0.25 * np.exp(-((0.1 / 0.35) ** 2)), 0.25 * np.exp(-1.0), 0.0], abs=1e-3)
+
+
 def test_two_contacts_are_two(pad_state: PadState) -> None:
     two = np.vstack([ONE, [-5.0, 2.0, 0.7, 0.0, 0.7, 1.2, 0.0, 0.1, 0.0, 0.0]])
     _, _, contacts = steps(pad_state, pressed_px(pad_state, two))
