@@ -20,7 +20,7 @@ import numpy as np
 
 import manytouch
 from manytouch.evaluation.metrics.matching import assigned
-from manytouch.geometry.refraction import rest_px
+from manytouch.sinks.files.sensor_description import pitch_px
 from manytouch.sources.simulated import simulated_source
 
 GATE_PITCH = 0.75
@@ -88,7 +88,7 @@ def demo(folder: Path) -> Recording:
         frames=frames,
         fps=DEMO_FPS / DEMO_STEP,
         pitch_mm=float(np.sqrt(np.prod(layout.pitch_mm))),
-        pitch_px=pitch_px_of(simulator.truth(0).grid.position_px),
+        pitch_px=float(np.mean(pitch_px(simulator.sensor))),
         contacts=contacts,
     )
 
@@ -102,16 +102,9 @@ def made_by_random_scenes(folder: Path) -> Recording:
         frames=simulated / "frames",
         fps=RANDOM_FPS,
         pitch_mm=float(np.sqrt(np.prod(sensor.layout.pitch_mm))),
-        pitch_px=pitch_px_of(rest_px(sensor, sensor.layout)),
+        pitch_px=float(np.mean(pitch_px(sensor))),
         contacts=rows_of(simulated / "truth" / "contacts.csv"),
     )
-
-
-def pitch_px_of(place_px: np.ndarray) -> float:
-    """Median distance of the nearest neighbours."""
-    away_px = np.linalg.norm(place_px[:, None] - place_px, axis=2)
-    np.fill_diagonal(away_px, np.inf)
-    return float(np.median(away_px.min(axis=1)))
 
 
 def rows_of(path: Path) -> list[Row]:

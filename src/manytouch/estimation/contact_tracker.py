@@ -60,6 +60,11 @@ class ContactTrackerState:
         return np.array([track.seen for track in self.tracks if track.contact.id >= 0], dtype=np.int64)
 
 
+def nowhere(place_mm: Points2) -> Mask:
+    """(k,) that nothing loads the sheet at places (k, 2)."""
+    return np.zeros(len(place_mm), dtype=np.bool_)
+
+
 State = TypeVar("State")
 
 

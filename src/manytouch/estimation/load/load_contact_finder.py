@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from manytouch.estimation.contact_finder import MarkerMotion
-from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
+from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState, nowhere
 from manytouch.estimation.load.displacement_load import DisplacementLoad
 from manytouch.estimation.load.load_estimator import LoadEstimate, LoadEstimator
 from manytouch.estimation.load.load_map import LoadMap
@@ -54,10 +54,6 @@ class LoadContactState:
     touch: TouchMemory = field(default_factory=TouchMemory)
 
 
-def _nowhere(point_mm: Points2) -> Mask:
-    return np.zeros(len(point_mm), dtype=np.bool_)
-
-
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Evidence:
     """What the local motion of a frame shows in addition to the peaks of its load.
@@ -67,7 +63,7 @@ class _Evidence:
         may_drift: whether the frame may change the rest: not if it shows a touch, or nearly.
     """
 
-    has_moved: Callable[[Points2], Mask] = _nowhere
+    has_moved: Callable[[Points2], Mask] = nowhere
     may_drift: bool = True
 
 
@@ -138,7 +134,7 @@ class LoadContactFinder:
             centre_mm = self.load.refine(state.load, load, peaks.centre_mm)
             peaks = replace(peaks, centre_mm=_within(state.camera, state.bounds_mm, centre_mm))
         # Where the strongest place jumps, the contact lasts until the new place is confirmed.
-        has_moved = evidence.has_moved if _has_jumped(state.tracks, peaks) else _nowhere
+        has_moved = evidence.has_moved if _has_jumped(state.tracks, peaks) else nowhere
         tracks, contacts = self.tracker.step(
             state.tracks,
             self._contacts(state, peaks, motion),

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from manytouch.estimation.contact_finder import ContactFinder
+from manytouch.estimation.contact_tracker import nowhere
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.perimeter.marker_surface import MarkerGeometry, MarkerSurface
@@ -135,8 +136,9 @@ class UndescribedFrames:
         """
         if not model.is_assumed:
             return undescribed % self.retry_frames < self.wait_frames
-        moved_px = _rms(grid.position_px - reference_px, grid)
-        return undescribed == 0 or moved_px > self.moved_stds * _noise_px(grid)
+        if undescribed == 0:
+            return True
+        return _rms(grid.position_px - reference_px, grid) > self.moved_stds * _noise_px(grid)
 
     def is_torn(self, grid: TrackedGrid, reference_px: Points2, neighbours: Neighbours) -> bool:
         """Whether neighbours move so differently that the markers are not those of one sheet."""
@@ -161,8 +163,9 @@ class UndescribedFrames:
         moved_px, misfit_px = _rms(grid.position_px - reference_px, grid), _rms(fit.residual_px, grid)
         if misfit_px > max(self.most_misfit * moved_px, self.misfit_pitch * pitch_px):
             return False
-        noise_px = self.noise_stds * _noise_px(grid) if model.is_assumed else np.inf
-        return misfit_px <= float(np.hypot(noise_px, self.light_misfit * moved_px))
+        if not model.is_assumed:
+            return True
+        return misfit_px <= float(np.hypot(self.noise_stds * _noise_px(grid), self.light_misfit * moved_px))
 
     def shows(self, model: InversionModel, fit: Fit, grid: TrackedGrid) -> bool:
         """Whether a frame that the sheet describes is evidence of it; a known sheet needs none."""
@@ -175,11 +178,7 @@ class UndescribedFrames:
         Everywhere (None) in the first of such frames, after so many in a row that the sheet did not describe;
         later nowhere: the contact finder has waited already.
         """
-        return None if undescribed <= (0 if model.is_assumed else self.wait_frames) else _nowhere
-
-
-def _nowhere(place_mm: Points2) -> Mask:
-    return np.zeros(len(place_mm), dtype=np.bool_)
+        return None if undescribed <= (0 if model.is_assumed else self.wait_frames) else nowhere
 
 
 def _rms(change_px: Points2, grid: TrackedGrid) -> float:
