@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
+import numpy as np
+
 from manytouch.errors import SourceError
 from manytouch.simulation.fem.cache import StateCache, problem_keys, user_cache
 from manytouch.simulation.fem.loading import Loading
@@ -44,6 +46,7 @@ class SolidProblem:
         loading: its steps are the keyframes; None where nothing ever presses.
         keys: one name for each keyframe, under which it is kept.
         pad_markers_mm: from the bonded face to the markers; None for a clamped sheet.
+        pitch_mm: geometric mean of the pitches of the markers, which defines the regions of contacts.
     """
 
     model: SolidModel
@@ -51,13 +54,14 @@ class SolidProblem:
     loading: Loading | None
     keys: tuple[str, ...]
     pad_markers_mm: float | None
+    pitch_mm: float
 
     def states(self, folder: Path) -> Iterator[Deformation]:
         """Every keyframe in turn, solved where it is not yet in the folder."""
         if self.loading is None:
             return
         for state in StateCache(folder=folder).states(self.model, self.loading):
-            yield condense(state, self.loading, pad_markers_mm=self.pad_markers_mm)
+            yield condense(state, self.loading, pad_markers_mm=self.pad_markers_mm, pitch_mm=self.pitch_mm)
 
 
 def solid_problem(scene: SceneFile) -> SolidProblem:
@@ -84,7 +88,14 @@ def solid_problem(scene: SceneFile) -> SolidProblem:
             layers=mesh.layers,
         )
     keys = () if load is None else tuple(problem_keys(model, load))
-    return SolidProblem(model=model, time_s=time_s, loading=load, keys=keys, pad_markers_mm=markers_mm(sheet))
+    return SolidProblem(
+        model=model,
+        time_s=time_s,
+        loading=load,
+        keys=keys,
+        pad_markers_mm=markers_mm(sheet),
+        pitch_mm=float(np.sqrt(np.prod(scene.layout.pitch_mm))),
+    )
 
 
 def shipped_states(name: str, keys: tuple[str, ...]) -> tuple[Deformation, ...] | None:

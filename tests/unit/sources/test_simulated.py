@@ -118,6 +118,10 @@ def test_a_scene_of_ones_own_is_solved_and_kept(tmp_path: Path, monkeypatch: pyt
     assert (source.name, source.width_px, source.fps, source.frame_count) == ("sim-mine", 320, 10.0, 10)
     contact = source.truth(5).contacts.touching[0]
     assert 0.3 < contact.depth_mm < 0.6
+    pitch_mm = float(load_scene(path).layout.pitch_mm[0])
+    point_mm2 = -2.0 * np.log(0.05) * np.pi * (0.5 * pitch_mm) ** 2  # of the region of a point force
+    assert point_mm2 < contact.area_mm2 < 2.0 * point_mm2
+    assert 0.0 < contact.half_minor_mm <= contact.half_major_mm < pitch_mm
     assert len(list((tmp_path / "states").iterdir())) == len(solid_problem(load_scene(path)).keys)
 
 
