@@ -151,3 +151,29 @@ class RigidFace:
         outwards = j1(phase) @ (layer.squeezed * pressure + layer.along * radial)
         down = j0(phase) @ (layer.normal * pressure + layer.lifted * radial)
         return np.column_stack([away_mm * (outwards / distance_mm)[:, None], -down])
+
+
+def ball_on_layer(radius: float, poisson: float) -> tuple[float, float, float]:
+    """A frictionless paraboloid on a layer of thickness 1, with a contact of a radius, by small strains.
+
+    The pressure is a sum of (1 - r^2)^n, n = 1/2, 3/2, ..., 11/2, whose Hankel transforms are
+    2^n G(n + 1) J_{n + 1}(k) / k^{n + 1}, fitted to the depth.
+
+    Returns:
+        Root of the second moment of the pressure, depth of the centre times E over the force, and mean of r^4
+        with unit second moments.
+    """
+    power = np.arange(0.5, 6.0)
+    wave = np.linspace(1e-3, 300.0, 30_000)
+    response = layer_response(wave / radius, 1.0, poisson).normal
+    transform = 2.0 ** power[:, None] * gamma(power + 1.0)[:, None] * jv(power[:, None] + 1.0, wave)
+    transform *= response * wave / wave ** (power[:, None] + 1.0)
+    r = np.linspace(0.0, 0.98, 30)
+    depth = j0(np.outer(r, wave)) @ transform.T
+    share = np.linalg.lstsq(np.column_stack([depth, np.ones(30)]), r**2, rcond=None)[0][:-1]
+    force, second, fourth = (share @ beta(order, power + 1.0) for order in (1.0, 2.0, 3.0))
+    return (
+        float(radius * np.sqrt(0.5 * second / force)),
+        float(depth[0] @ share * (wave[1] - wave[0]) / (np.pi * radius**2 * force)),
+        float(4.0 * fourth * force / second**2),
+    )

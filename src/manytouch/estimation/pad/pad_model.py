@@ -14,6 +14,7 @@ from manytouch.geometry.spline.patch import Nodal, PointBasis, SplinePatch
 from manytouch.mechanics.pad.elasticity import PadResponse, pad_response
 from manytouch.mechanics.pad.layer import radial_table
 from manytouch.mechanics.pad.layer_nodes import layer_node_response
+from manytouch.mechanics.pad.patch_depth import PatchDepthTable, patch_depth_table
 from manytouch.values import Camera, Layout, Sensor, Sheet, SheetSpline
 from manytouch.values.arrays import Points2, Points3, read_only
 from manytouch.values.sensor_file.default_std import POISSON_STD, SheetStd, camera_std, sheet_std
@@ -45,6 +46,9 @@ class BondedPadModel:
         patch: nodes of the contact face.
         grid: the same for compiled functions.
         table: response of an unbounded layer at the depth of the markers.
+        depth_table: depth of the same layer under a ball, a flat face and a ring, numbered as in `Profile`.
+        node_depth: (a, b) depth times E of the same layer at the nodes of a period, per normal force on the
+            first one, 1/mm; the nodes are counted along x and y.
         by_sides: (3, nx, ny, 2 m) change of the marker images per nodal force along x, y, z by the free sides
             of the pad; the splines are counted along x and y.
         by_parameter: (p, 3, nx, ny, 2 m) change of the marker images per nodal force for one standard
@@ -71,6 +75,8 @@ class BondedPadModel:
     patch: SplinePatch
     grid: PadGrid
     table: LayerTable
+    depth_table: PatchDepthTable
+    node_depth: Float64[np.ndarray, "px py"]
     by_sides: Float64[np.ndarray, "3 nx ny r"]
     by_parameter: Float64[np.ndarray, "p 3 nx ny r"]
     depth_by_parameter: Float64[np.ndarray, "2 nodes nodes"]
@@ -161,7 +167,9 @@ class NominalPad:
             sheet=sheet,
             patch=patch,
             grid=_grid(patch),
-            table=layer_table(sheet.thickness_mm, poisson, depth_mm),
+            table=layer_table(sheet.thickness_mm, poisson, depth_mm, _dot_radius_mm(layout)),
+            depth_table=patch_depth_table(sheet.thickness_mm, poisson),
+            node_depth=np.ascontiguousarray(_layer_nodes(patch, sheet, poisson, 0.0)[:, :, 2, 2]),
             by_sides=read_only(_images(by_sides, patch, slope_px)),
             by_parameter=read_only(by_parameter),
             depth_by_parameter=read_only(depth_by_parameter),
@@ -255,14 +263,7 @@ def _layer(
 ) -> Float64[np.ndarray, "m 3 nodes 3"]:
     """The response of the markers if the pad had no sides, on the same nodes."""
     step_mm = np.array(patch.size_mm) / np.array(patch.elements)
-    counts = np.maximum(np.ceil(_PERIOD * sheet.thickness_mm / step_mm).astype(int), 8)
-    coefficient = layer_node_response(
-        (float(step_mm[0]), float(step_mm[1])),
-        (int(counts[0]), int(counts[1])),
-        sheet.thickness_mm,
-        poisson,
-        sheet.marker_depth_mm or 0.0,
-    )
+    coefficient = _layer_nodes(patch, sheet, poisson, sheet.marker_depth_mm or 0.0)
     away_mm = layout.rest_mm[:, None, :2] - patch.place_mm
     is_near = np.linalg.norm(away_mm, axis=2) < _LAYER_REACH * sheet.thickness_mm
     place = (away_mm[is_near] / step_mm).T
@@ -272,6 +273,21 @@ def _layer(
             coefficient[:, :, i, load], place, order=3, prefilter=False, mode="grid-wrap"
         )
     return found.transpose(0, 2, 1, 3)
+
+
+def _layer_nodes(
+    patch: SplinePatch, sheet: Sheet, poisson: float, depth_mm: float
+) -> Float64[np.ndarray, "px py 3 3"]:
+    """`layer_node_response` on elements of the size of a pad's."""
+    step_mm = np.array(patch.size_mm) / np.array(patch.elements)
+    counts = np.maximum(np.ceil(_PERIOD * sheet.thickness_mm / step_mm).astype(int), 8)
+    return layer_node_response(
+        (float(step_mm[0]), float(step_mm[1])),
+        (int(counts[0]), int(counts[1])),
+        sheet.thickness_mm,
+        poisson,
+        depth_mm,
+    )
 
 
 def _motion(rest_px: Points2) -> Float64[np.ndarray, "4 r"]:
@@ -297,11 +313,19 @@ def _grid(patch: SplinePatch) -> PadGrid:
     )
 
 
-def layer_table(thickness_mm: float, poisson: float, depth_mm: float) -> LayerTable:
-    """The response of an unbounded layer at a depth below its face."""
+def _dot_radius_mm(layout: Layout) -> float:
+    """Median radius of the dots; 0 if it is not known."""
+    radius_mm = layout.radius_mm[np.isfinite(layout.radius_mm)]
+    return float(np.median(radius_mm)) if len(radius_mm) else 0.0
+
+
+def layer_table(
+    thickness_mm: float, poisson: float, depth_mm: float, dot_radius_mm: float = 0.0
+) -> LayerTable:
+    """The response of dots in an unbounded layer at a depth below its face."""
     distance_mm = np.linspace(0.0, _LAYER_REACH * thickness_mm, _DISTANCES)
     root_mm = thickness_mm * np.geomspace(*_ROOTS)
-    value = radial_table(distance_mm, root_mm, thickness_mm, poisson, depth_mm)
+    value = radial_table(distance_mm, root_mm, thickness_mm, poisson, depth_mm, dot_radius_mm=dot_radius_mm)
     return LayerTable(
         value=read_only(np.ascontiguousarray(value)), step=float(distance_mm[1]), root=read_only(root_mm)
     )

@@ -123,7 +123,7 @@ FAR_POINTS = np.stack([_far(points) for points in POINTS])
 DENSE_POINTS, DENSEST_POINTS = _quadratures(9, 27), _quadratures(15, 45)
 """For nodal forces of patches with roots of more than `_DENSE` and `_DENSEST` elements, on which fewer points
 would be separate loads."""
-_GAUSSIAN_ROOT_SHARE = np.array([0.5, 0.25, 0.2])
+_GAUSSIAN_ROOT_SHARE = np.array([0.5, 0.25, 0.17])
 """Roots of the Gaussians that make up a patch of each profile, over its own: as narrow as the distance of
 their places allows."""
 _LEAST_PLACED = 0.16

@@ -164,9 +164,10 @@ class ProfileChoice:
     Attributes:
         gain: another profile or width must reduce the misfit by at least this number of times the misfit per
             degree of freedom of the new fit (`misfit_scale`); one contact instead of several near ones may
-            increase it by as much. Each additional rim requires as much reduction again: within a radius of a
-            thickness the markers hardly show whether the middle of a contact is loaded, and flat faces are
-            more common.
+            increase it by as much.
+        rim_gain: further reduction that each additional rim requires: within a radius of a thickness the
+            markers hardly show whether the middle of a contact is loaded, and flat faces are more common. A
+            face that sticks has less misfit by up to 20 as a rim, rings by 400 and more.
         root: other profiles are tried of contacts whose second moment has at least this root, in thicknesses;
             of narrower ones the markers hardly show the profile. One contact instead of several is tried with
             each profile.
@@ -177,6 +178,7 @@ class ProfileChoice:
     """
 
     gain: float = 15.0
+    rim_gain: float = 30.0
     root: float = 0.35
     between: float = 0.3
     wider: float = 4.0
@@ -223,7 +225,7 @@ class ProfileChoice:
             nonlocal best, best_merit
             is_same_count = len(patches) == len(fit.patches)
             more_rims = _rims(patches) - _rims(fit.patches)
-            least_gain = self.gain * ((1 if is_same_count else -1) + more_rims) + best_merit
+            least_gain = self.gain * (1 if is_same_count else -1) + self.rim_gain * more_rims + best_merit
             needed = before.misfit - least_gain if least_gain >= 0.0 and not is_start else np.inf
             found = fitted(patches, needed)
             merit = (before.misfit - found.misfit) / misfit_scale(found) - least_gain

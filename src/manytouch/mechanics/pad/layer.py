@@ -14,13 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.special import j0, j1, roots_legendre
+from scipy.special import j0, j1, jn, jvp, roots_legendre
 
 from manytouch.mechanics.pad.axes import lame_constants
 from manytouch.values.arrays import Scalars
 
 _WAVES = 700  # of the quadrature of `radial_table`
 _LARGEST = 7.0  # wave number times root, beyond which a Gaussian has no part
+_LARGEST_OF_DIFFERENCE = 20.0  # wave number times thickness, beyond which a layer is a half-space
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -94,8 +95,15 @@ def radial_table(
     thickness_mm: float,
     poisson: float,
     depth_mm: float = 0.0,
+    *,
+    dot_radius_mm: float = 0.0,
 ) -> Float64[np.ndarray, "g n 5"]:
-    """Displacements around Gaussian tractions with unit force, times Young's modulus, 1/mm.
+    """Displacements of dots around Gaussian tractions with unit force, times Young's modulus, 1/mm.
+
+    A camera sees the centroid of a dot, which moves by the mean displacement over its disc and, to first
+    order, by the mean of the place from its middle times the divergence: where the pad expands, there is more
+    of the dot. In a wave with the number k a dot of radius r moves by 2 J1(kr) / (kr) of the displacement at
+    its middle, along k by 2 J1'(kr).
 
     The last axis: radial and normal displacement by a normal traction along z; even part and part with
     cos 2 phi of the displacement along a shear traction; normal displacement over cos phi by it.
@@ -105,6 +113,7 @@ def radial_table(
         root_mm: (g,) roots of the second moments along each axis.
         thickness_mm, poisson: of the layer.
         depth_mm: below the face.
+        dot_radius_mm: radius of the dots; 0: points.
     """
     most = _LARGEST / float(root_mm.min())
     place, weight = roots_legendre(_WAVES)
@@ -112,17 +121,40 @@ def radial_table(
     dk = 0.5 * most * (place + 1.0) * weight
     response = layer_response(k, thickness_mm, poisson, depth_mm)
     part = np.exp(-0.5 * (k * root_mm[:, None]) ** 2) * (k * dk / (2.0 * np.pi))
+    along_k, other = 2.0 * jvp(1, k * dot_radius_mm), jvp(1, k * dot_radius_mm) + jn(2, k * dot_radius_mm)
     phase = np.outer(distance_mm, k)
     zero, one = j0(phase), j1(phase)
     two = np.divide(2.0 * one, phase, out=zero.copy(), where=phase > 0.0) - zero
-    mean, half = 0.5 * (response.along + response.across), 0.5 * (response.along - response.across)
+    along, across = along_k * response.along, 2.0 * other * response.across
+    mean, half = 0.5 * (along + across), 0.5 * (along - across)
     return np.stack(
         [
-            -(response.squeezed * part) @ one.T,
-            (response.normal * part) @ zero.T,
+            -(along_k * response.squeezed * part) @ one.T,
+            (2.0 * other * response.normal * part) @ zero.T,
             (mean * part) @ zero.T,
             -(half * part) @ two.T,
-            (response.lifted * part) @ one.T,
+            (2.0 * other * response.lifted * part) @ one.T,
         ],
         axis=-1,
     )
+
+
+def point_depth(
+    distance_mm: Float64[np.ndarray, " n"], thickness_mm: float, poisson: float
+) -> Float64[np.ndarray, " n"]:
+    """Normal displacement of the face by a unit normal force on a point of it, times distance and E.
+
+    On a half-space it is (1 - nu^2) / pi at every distance (J. Boussinesq 1885); the difference decays with
+    the wave number as exp(-2 k h).
+
+    Args:
+        distance_mm: (n,) from the force, at most some tens of thicknesses.
+        thickness_mm, poisson: of the layer.
+    """
+    most = _LARGEST_OF_DIFFERENCE / thickness_mm
+    place, weight = roots_legendre(_WAVES)
+    k, dk = 0.5 * most * (place + 1.0), 0.5 * most * weight
+    half_space = 2.0 * (1.0 - poisson**2)
+    difference = (layer_response(k, thickness_mm, poisson).normal * k - half_space) * dk / (2.0 * np.pi)
+    found = half_space / (2.0 * np.pi) + distance_mm * (j0(np.outer(distance_mm, k)) @ difference)
+    return np.asarray(found)

@@ -204,25 +204,6 @@ def test_the_depth_of_a_flat_face_that_is_dragged_or_turned_is_less_certain(
     assert found == pytest.approx(np.hypot(usual, more_mm))
 
 
-def test_the_depth_of_a_narrow_contact_is_less_certain(pad_state: PadState) -> None:
-    """The part of the deviation that depends on the width, over the depth, for three widths."""
-    fit = PadEstimator().fit_frame(pad_state, grid_at(pressed_px(pad_state, ONE), noise_px=0.01, seed=0))
-    found = []
-    for width in (0.1, 0.35, 1.0):
-        root_mm = width * THICKNESS_MM / np.sqrt(2.0)
-        one = np.array([[0.5, -0.5, root_mm, 0.0, root_mm, 1.0, 0.0, 0.0, 0.0, -0.2]])
-        wide = replace(fit, patches=patches(one, Profile.DOME), sheet=np.zeros_like(fit.sheet))
-        shape = pad_shape(pad_state.model, wide)
-        with_it, without_it = (
-            PadContacts(narrow=share, most_depth_std=np.inf)(pad_state.model, wide, shape)[0]
-            for share in (0.25, 0.0)
-        )
-        assert with_it.depth_mm == without_it.depth_mm
-        variance_mm2 = with_it.std("depth") ** 2 - without_it.std("depth") ** 2
-        found.append(float(np.sqrt(max(variance_mm2, 0.0)) / with_it.depth_mm))
-    assert found == pytest.approx([0.25 * np.exp(-((0.1 / 0.35) ** 2)), 0.25 * np.exp(-1.0), 0.0], abs=1e-3)
-
-
 def test_two_contacts_are_two(pad_state: PadState) -> None:
     two = np.vstack([ONE, [-5.0, 2.0, 0.7, 0.0, 0.7, 1.2, 0.0, 0.1, 0.0, 0.0]])
     _, _, contacts = steps(pad_state, pressed_px(pad_state, two))
@@ -487,14 +468,11 @@ def test_missing_markers_do_not_press(pad_state: PadState) -> None:
     assert np.linalg.norm(found.centre_mm - ONE[0, :2]) < 4.0 * found.std("x")
 
 
-def test_large_strain_lies_between_both_columns() -> None:
+def test_large_strain_is_that_of_a_column_with_logarithmic_strain() -> None:
     linear_mm = np.array([-0.2, 0.0, 0.05, 1.0, 2.5])
     found_mm = large_strain(linear_mm, 4.0)
     np.testing.assert_array_equal(found_mm[:2], linear_mm[:2])
-    assert found_mm[2] == pytest.approx(0.05, rel=0.01)
-    logarithmic_mm = 4.0 * (1.0 - np.exp(-linear_mm[3:] / 4.0))
-    assert np.all(found_mm[3:] < logarithmic_mm)
-    assert np.all(found_mm[3:] > 0.8 * logarithmic_mm)
+    np.testing.assert_allclose(found_mm[2:], 4.0 * (1.0 - np.exp(-linear_mm[2:] / 4.0)))
 
 
 def test_depths_far_beyond_the_pad_are_its_thickness() -> None:

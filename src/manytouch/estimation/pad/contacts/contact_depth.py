@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from manytouch.estimation.pad.contacts.node_depth import unresolved_depth
 from manytouch.estimation.pad.contacts.pad_shape import PadShape, large_strain
 from manytouch.estimation.pad.pad_model import BondedPadModel
 from manytouch.estimation.pad.patch_fit import PadFit
@@ -19,13 +20,6 @@ from manytouch.estimation.pad.patch_kernels import ROOT_XX, ROOT_YX, ROOT_YY, Pr
 from manytouch.values.arrays import Points2, read_only_view
 
 _STEP_MM = 1e-3  # of a root of the second moment, in finite differences
-_FORCE_STEP = 1e-3  # the same of the force, over the force
-_ELEMENT_ROOT = 0.245
-"""Root of the second moment, in elements, of what the nodes make of a point force: with it, the depth under a
-Gaussian load with a root of .75 elements is that of the layer."""
-_CENTRE_DEPTH = (8.0 / 3.0 / np.sqrt(6.0), 0.5 * np.pi / np.sqrt(3.0), np.sqrt(0.5))
-"""For each profile, c in the depth c (1 - nu^2) F / (pi E r) of the centre of a patch with the force F and
-the root r of its second moment on a half-space. For the flat profile it is the depth of a rigid flat face."""
 _RING_ROOTS = (1.0, 1.0, np.sqrt(2.0))
 """For each profile, the radius at which the pad may be deeper than at the centre of the patch, in roots of
 its second moment."""
@@ -83,15 +77,16 @@ def contact_depth(model: BondedPadModel, fit: PadFit, shape: PadShape, number: i
     by_parameter = np.zeros(PARAMETER_COUNT + len(fit.sheet))
     fill_effects(parameters, profile, model.grid, effect, by_parameter[:PARAMETER_COUNT])
     by_parameter[FORCE] -= linear_mm / press_mm2 if is_face else 0.0
-    if deepest == 0:
-        unresolved_mm = _unresolved_depth_mm(model, parameters, profile)
-        linear_mm += unresolved_mm
-        force_step = _FORCE_STEP * max(abs(float(parameters[FORCE])), 1e-9)
-        for parameter, step in ((ROOT_XX, _STEP_MM), (ROOT_YY, _STEP_MM), (FORCE, force_step)):
+    per_force = _unresolved(model, parameters, profile)
+    if deepest == 0 or profile != Profile.RIM:
+        linear_mm += per_force * press_mm2
+        by_parameter[FORCE] += per_force
+        for parameter in (ROOT_XX, ROOT_YX, ROOT_YY):
             changed = parameters.copy()
-            changed[parameter] += step
-            change_mm = _unresolved_depth_mm(model, changed, profile) - unresolved_mm
-            by_parameter[parameter] += change_mm / step
+            changed[parameter] += _STEP_MM
+            by_parameter[parameter] += (
+                press_mm2 * (_unresolved(model, changed, profile) - per_force) / _STEP_MM
+            )
     depth_mm = float(large_strain(np.array([linear_mm]), model.thickness_mm)[0])
     by_pad = model.depth_by_parameter[:, node[deepest]] @ -shape.nodal_mm2[:, 2]
     by_parameter[PARAMETER_COUNT : PARAMETER_COUNT + len(by_pad)] = by_pad @ value[deepest]
@@ -114,13 +109,6 @@ def _basis(
     return node.reshape(-1, 16), value.reshape(-1, 16)
 
 
-def _unresolved_depth_mm(model: BondedPadModel, parameters: np.ndarray, profile: int) -> float:
-    """The part of the depth at the centre of a patch that the nodes of the pad are too coarse to show.
-
-    It is the depth on a half-space, less that of a wider patch: the nodes add the second moment of
-    `_ELEMENT_ROOT` elements to that of the patch.
-    """
-    root_mm = float(np.sqrt(abs(parameters[ROOT_XX] * parameters[ROOT_YY])))
-    wide_mm = float(np.hypot(root_mm, _ELEMENT_ROOT * max(model.grid.step_x, model.grid.step_y)))
-    share = _CENTRE_DEPTH[profile] * (1.0 - model.poisson**2) / np.pi
-    return float(share * parameters[FORCE] * (1.0 / root_mm - 1.0 / wide_mm))
+def _unresolved(model: BondedPadModel, parameters: np.ndarray, profile: int) -> float:
+    """`unresolved_depth` of a patch, called for every profile for the same reason as `pressing_work`."""
+    return float(unresolved_depth(parameters, profile, model.grid, model.depth_table, model.node_depth))

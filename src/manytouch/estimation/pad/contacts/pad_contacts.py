@@ -50,11 +50,6 @@ class PadContacts:
             the square root of the trace of the contact's second moment.
         depth_share: standard deviation of the depth that the model does not explain, over the depth.
         depth_pitch: standard deviation of the depth that the model does not explain, in pitches.
-        narrow, narrow_root: standard deviation of the depth of a contact without width, over the depth; it
-            falls as a Gaussian function of the square root of the trace of the contact's second moment, which
-            is 1 at `narrow_root` thicknesses. The depth under a narrow contact is inversely proportional to
-            its width, which markers further away than that hardly show. Chosen for nine random pads; not
-            confirmed for roots below .1 thicknesses.
         dragged_face: standard deviation of the depth of a flat face over its depth, where its shear, or its
             torque over the radius, is as large as its normal force; proportional to them. The shear of a face
             that sticks is larger near its rim than that of one that slides, so that the face is estimated too
@@ -93,8 +88,6 @@ class PadContacts:
     position_root: float = 0.08
     depth_share: float = 0.12
     depth_pitch: float = 0.002
-    narrow: float = 0.25
-    narrow_root: float = 0.35
     dragged_face: float = 0.5
     force_share: float = 0.05
     stiffening: float = 0.35
@@ -206,8 +199,7 @@ class PadContacts:
         strain, width = max(depth_mm, 0.0) / model.thickness_mm, root_trace_mm / model.thickness_mm
         std = np.zeros(len(ESTIMATES))
         std[:2] = np.hypot(self.position_pitch * model.pitch_mm, self.position_root * root_trace_mm)
-        narrow = self.narrow * np.exp(-((width / self.narrow_root) ** 2))
-        depth_share = self._unexplained(float(np.hypot(self.depth_share, narrow)), strain, width)
+        depth_share = self._unexplained(self.depth_share, strain, width)
         if profile == Profile.FLAT:
             dragged_mm2 = np.hypot(*parameters[SHEAR_X:TORQUE]) + abs(parameters[TORQUE]) / root_trace_mm
             depth_share = np.hypot(depth_share, self.dragged_face * dragged_mm2 / max(press_mm2, 1e-9))

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from manytouch.compilation import kernel, no_type_check
 from manytouch.estimation.pad.pad_model import BondedPadModel
 from manytouch.estimation.pad.patch_fit import PadFit, forced
 from manytouch.geometry.spline.patch import Nodal
@@ -28,28 +27,13 @@ class PadShape:
     face_mm: Points3
 
 
-@kernel()
-@no_type_check
 def large_strain(depth_mm: Scalars, thickness_mm: float) -> Scalars:
     """Depths (n,) of a pad under the loads that would press a linear pad to the given depths (n,).
 
-    A pad becomes stiffer as it becomes thinner. With d the linear depth and h the thickness, a column with
-    logarithmic strain has the depth h (1 - exp(-d / h)), which is too large; a neo-Hookean column has the
-    depth h (1 - l), with the stretch l of (l^-2 - l) / 3 = d / h, which is too small. The result is the mean
-    of both. It is within 3 % of 3-D solutions for a ball whose radius is the thickness, for depths of up to
-    .4 thicknesses. Negative depths stay as they are.
+    A pad becomes stiffer as it becomes thinner: with d the linear depth and h the thickness, a column with
+    logarithmic strain has the depth h (1 - exp(-d / h)). Negative depths stay as they are.
     """
-    pressed = depth_mm.copy()
-    for k in range(len(depth_mm)):
-        if not depth_mm[k] > 0.0:
-            continue
-        strain = min(depth_mm[k] / thickness_mm, 10.0)  # 10 already compresses the pad to nothing
-        logarithmic = stretch = np.exp(-strain)
-        for _ in range(6):  # Newton's method
-            off = (stretch**-2 - stretch) / 3.0 - strain
-            stretch += off / ((2.0 * stretch**-3 + 1.0) / 3.0)
-        pressed[k] = thickness_mm * (1.0 - 0.5 * (logarithmic + stretch))
-    return pressed
+    return np.where(depth_mm > 0.0, -thickness_mm * np.expm1(-depth_mm / thickness_mm), depth_mm)
 
 
 def pad_shape(model: BondedPadModel, fit: PadFit) -> PadShape:
