@@ -20,7 +20,7 @@ _REACH = 6.0  # of the table, in thicknesses; the depth there is below 1e-4 of t
 _STEP = 0.01  # the same of its distances
 _RADII = 16  # of the quadrature over a patch
 _ANGLES = 32  # the same, over half a turn; within .3 % for patches ten times as long as wide
-_WAVES, _LARGEST = 6000, 600.0  # wave numbers times the radius of a disc, for its correlation with itself
+_WAVES, _LARGEST = 1500, 300.0  # wave numbers times the radius of a disc, for its correlation with itself
 
 
 class PatchDepthTable(NamedTuple):

@@ -16,10 +16,9 @@ from manytouch.estimation.pad.patch_forces import (
     fill_effects,
     pressing_work,
 )
-from manytouch.estimation.pad.patch_kernels import ROOT_XX, ROOT_YX, ROOT_YY, Profile
+from manytouch.estimation.pad.patch_kernels import ROOT_XX, ROOT_YX, ROOT_YY, SHAPE, Profile
 from manytouch.values.arrays import Points2, read_only_view
 
-_STEP_MM = 1e-3  # of a root of the second moment, in finite differences
 _RING_ROOTS = (1.0, 1.0, np.sqrt(2.0))
 """For each profile, the radius at which the pad may be deeper than at the centre of the patch, in roots of
 its second moment."""
@@ -77,16 +76,15 @@ def contact_depth(model: BondedPadModel, fit: PadFit, shape: PadShape, number: i
     by_parameter = np.zeros(PARAMETER_COUNT + len(fit.sheet))
     fill_effects(parameters, profile, model.grid, effect, by_parameter[:PARAMETER_COUNT])
     by_parameter[FORCE] -= linear_mm / press_mm2 if is_face else 0.0
-    per_force = _unresolved(model, parameters, profile)
+    # called for every profile too
+    root_slope = np.empty(3)
+    per_force = unresolved_depth(
+        parameters, profile, model.grid, model.depth_table, model.node_depth, root_slope
+    )
     if deepest == 0 or profile != Profile.RIM:
         linear_mm += per_force * press_mm2
         by_parameter[FORCE] += per_force
-        for parameter in (ROOT_XX, ROOT_YX, ROOT_YY):
-            changed = parameters.copy()
-            changed[parameter] += _STEP_MM
-            by_parameter[parameter] += (
-                press_mm2 * (_unresolved(model, changed, profile) - per_force) / _STEP_MM
-            )
+        by_parameter[ROOT_XX:SHAPE] += press_mm2 * root_slope
     depth_mm = float(large_strain(np.array([linear_mm]), model.thickness_mm)[0])
     by_pad = model.depth_by_parameter[:, node[deepest]] @ -shape.nodal_mm2[:, 2]
     by_parameter[PARAMETER_COUNT : PARAMETER_COUNT + len(by_pad)] = by_pad @ value[deepest]
@@ -107,8 +105,3 @@ def _basis(
     else:
         node = along_x[:, :, None] + along_y[:, None, :] * rows
     return node.reshape(-1, 16), value.reshape(-1, 16)
-
-
-def _unresolved(model: BondedPadModel, parameters: np.ndarray, profile: int) -> float:
-    """`unresolved_depth` of a patch, called for every profile for the same reason as `pressing_work`."""
-    return float(unresolved_depth(parameters, profile, model.grid, model.depth_table, model.node_depth))
