@@ -87,6 +87,9 @@ def test_what_is_shipped_answers_the_scenes_question(name: str) -> None:
     states = shipped_states(name, solid_problem(scene).keys)
     assert states is not None, "run python benchmarks/ship_scenes.py"
     assert {state.status for state in states} == {"ok"}
+    touching = [contact for state in states for contact in state.contacts if contact.is_touching]
+    assert touching
+    assert all(contact.region_mm2 > contact.area_mm2 for contact in touching)
     assert (LIBRARY / f"{name}.npz").stat().st_size < 1_500_000
 
 
