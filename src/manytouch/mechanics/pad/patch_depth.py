@@ -16,8 +16,8 @@ _FACE = (-0.497, -0.474, -0.414, -0.347, -0.238, -0.147, -0.034)
 the mean of r^4 of the pressure under a frictionless ball on the layer, and those that have the root of that
 under a frictionless disc of the same radius. On a half-space they are 1/2 and -1/2. They are those for a
 Poisson's ratio of .48; from .45 to .495 they differ by less than .04 up to a root of .8."""
-_REACH = 6.0  # of the table, in thicknesses; the depth there is below 1e-4 of that at one
-_STEP = 0.01  # the same of its distances
+_REACH = 12.0  # of the table, in thicknesses; the depth there is 1e-4 of that at one
+_STEP = 0.02  # the same of its distances
 _RADII = 16  # of the quadrature over a patch
 _ANGLES = 32  # the same, over half a turn; within .3 % for patches ten times as long as wide
 _WAVES, _LARGEST = 1500, 300.0  # wave numbers times the radius of a disc, for its correlation with itself
