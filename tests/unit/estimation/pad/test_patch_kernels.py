@@ -154,9 +154,12 @@ def gaussian_images(centre_mm: np.ndarray, root_mm: float, place_mm: np.ndarray)
 
 
 @pytest.mark.parametrize(
-    ("profile", "error"), [(Profile.DOME, 0.08), (Profile.FLAT, 0.05), (Profile.RIM, 0.06)]
+    ("profile", "error", "of_another"),
+    [(Profile.DOME, 0.08, 0.16), (Profile.FLAT, 0.05, 0.1), (Profile.RIM, 0.03, 0.12)],
 )
-def test_images_are_those_of_the_pressure_of_a_profile(profile: Profile, error: float) -> None:
+def test_images_are_those_of_the_pressure_of_a_profile(
+    profile: Profile, error: float, of_another: float
+) -> None:
     """Against narrow Gaussians at many points, for a root of .55 and a depth of .3 thicknesses."""
     random = np.random.default_rng(5)
     place_mm = random.uniform(-5.0, 5.0, (60, 2))
@@ -173,7 +176,7 @@ def test_images_are_those_of_the_pressure_of_a_profile(profile: Profile, error: 
     assert np.linalg.norm(found[0] - expected[0]) < error * np.linalg.norm(expected[0])
     other, image = Profile.FLAT if profile is Profile.RIM else Profile.RIM, np.zeros((5, 120))
     add_layer_images(np.array([0.0, 0.0, 2.2, 0.0, 2.2]), int(other), table, markers, image)
-    assert np.linalg.norm(image[0] - expected[0]) > 2.0 * error * np.linalg.norm(expected[0])
+    assert np.linalg.norm(image[0] - expected[0]) > of_another * np.linalg.norm(expected[0])
 
 
 @pytest.mark.parametrize("profile", Profile)
