@@ -222,13 +222,14 @@ class MechanicsEstimator:
         """The state with the response of the last full step to the parameters of the sheet.
 
         It is computed in the frame after that step. So a frame takes the time of both only if the frame
-        before had a full step too, or if there is no response yet.
+        before had a full step too, if there is no response yet, or if it is the first one with a press.
         """
-        is_new = bool(fit.steps) or (state.response is not None and state.response.is_stale(state.model, fit))
-        is_next = state.response is not None and bool(fit.steps) and not state.response_is_due
+        before, model = state.response, state.model
+        is_new = bool(fit.steps) or (before is not None and before.is_stale(model, fit))
+        is_next = before is not None and before.may_wait(model, fit) and not state.response_is_due
         if fit.status is not Status.OK or is_next or not (is_new or state.response_is_due):
             return replace(state, response_is_due=state.response_is_due or is_next)
-        response = parameter_response(state.model, state.variants, state.pretension, fit)
+        response = parameter_response(model, state.variants, state.pretension, fit)
         return replace(state, response=response, response_is_due=False)
 
     def _update_pretension(self, state: MechanicsState, fit: Fit, clusters: Clusters) -> MechanicsState:
@@ -236,8 +237,7 @@ class MechanicsEstimator:
         response = state.response
         if not state.pretension.is_estimated or response is None:
             return state
-        is_pressed = (clusters.label >= 0) | np.isfinite(clusters.fitted_mm2)
-        slope = response.misfit_slope(state.model, fit, is_pressed)
+        slope = response.misfit_slope(state.model, fit, clusters.is_pressed)
         now = self.pretension.update(state.pretension, state.model, *slope)
         if not self.pretension.is_new_model_due(state.model, now):
             return replace(state, pretension=now)

@@ -90,6 +90,11 @@ class Clusters:
         return len(self.centre_mm)
 
     @property
+    def is_pressed(self) -> Bool[np.ndarray, " nodes"]:
+        """(n,) nodes of clusters, and those that patches were fitted to."""
+        return np.asarray((self.label >= 0) | np.isfinite(self.fitted_mm2))
+
+    @property
     def normal_mm2(self) -> Scalars:
         """(c,) normal force over E, positive in compression."""
         return np.asarray(-self.force_mm2[:, 2])

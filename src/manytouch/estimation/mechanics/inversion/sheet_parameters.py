@@ -156,7 +156,9 @@ class PretensionEstimate:
         mean_mm: membrane force per length over E (N/mm over MPa, which is mm).
         std_mm: its standard deviation.
         is_estimated: whether it is estimated.
-        information: of the frame that determined it best, per mm^2.
+        information: of the mean, per mm^2: of the prior and of all frames, at most that of `most_frames` as
+            good as the best one.
+        best: information of the frame that determined it best, per mm^2.
         scatter_mm2: mean square of the recent corrections of its frames.
     """
 
@@ -164,6 +166,7 @@ class PretensionEstimate:
     std_mm: float
     is_estimated: bool
     information: float = 0.0
+    best: float = 0.0
     scatter_mm2: float = 0.0
 
 
@@ -172,10 +175,13 @@ class PretensionEstimator:
     """Parameters of the estimate of an unknown pretension.
 
     Attributes:
-        prior_strain: mean and standard deviation of the strain of a mounted sheet, if nothing is known.
-        gain: g in the weight g I / (I + I_best) of the correction by a frame with the information I, where
-            I_best is the largest before. Frames of one press have the same error of the model, so that their
-            number does not count.
+        prior_strain, prior_strain_std: mean and standard deviation of the strain of a mounted sheet, if
+            nothing is known.
+        most_std: standard deviation of one frame by noise, over that of the prior, up to which the frame
+            counts. Where an object presses so lightly that its forces are below those that the sparse prior
+            distinguishes from none, the pretension of the frame is too low.
+        most_frames: number of frames, each as good as the best one, that the mean contains: of a long
+            recording those of the last presses count.
         memory: share of the scatter of the corrections that is kept from frame to frame.
         model_share, model_strain: standard deviation by the model, over the pretension and as a strain.
         new_model_stds, new_model_share: the model of the sheet is replaced when the mean has changed by this
@@ -183,7 +189,9 @@ class PretensionEstimator:
     """
 
     prior_strain: float = 0.01
-    gain: float = 0.5
+    prior_strain_std: float = 0.015
+    most_std: float = 0.33
+    most_frames: float = 10.0
     memory: float = 0.8
     model_share: float = 0.3
     model_strain: float = 0.003
@@ -198,9 +206,13 @@ class PretensionEstimator:
             return PretensionEstimate(
                 mean_mm=model.shell.pretension_over_E_mm, std_mm=over_E_mm, is_estimated=False
             )
-        prior_mm = self.prior_strain * self._per_strain_mm(model)
+        per_strain_mm = self._per_strain_mm(model)
+        std_mm = self.prior_strain_std * per_strain_mm
         return PretensionEstimate(
-            mean_mm=prior_mm, std_mm=prior_mm, is_estimated=True, information=1.0 / prior_mm**2
+            mean_mm=self.prior_strain * per_strain_mm,
+            std_mm=std_mm,
+            is_estimated=True,
+            information=1.0 / std_mm**2,
         )
 
     def update(
@@ -214,20 +226,23 @@ class PretensionEstimator:
             gradient: derivative of half the misfit by the pretension over E, 1/mm.
             information: its second derivative, 1/mm^2.
         """
-        prior_mm = self.prior_strain * self._per_strain_mm(model)
-        change_mm = -gradient / max(information, 1.0 / prior_mm**2)
-        off_mm = model.shell.pretension_over_E_mm + change_mm - before.mean_mm
-        off_mm = float(np.clip(off_mm, -2.0 * prior_mm, 2.0 * prior_mm))
-        weight = self.gain * information / (information + before.information)
+        per_strain_mm = self._per_strain_mm(model)
+        if information * (self.most_std * self.prior_strain_std * per_strain_mm) ** 2 < 1.0:
+            return before
+        off_mm = model.shell.pretension_over_E_mm - gradient / information - before.mean_mm
+        largest_mm = 2.0 * self.prior_strain * per_strain_mm
+        off_mm = float(np.clip(off_mm, -largest_mm, largest_mm))
+        weight = information / (information + before.information)
         mean_mm = max(before.mean_mm + weight * off_mm, 0.0)
         scatter_mm2 = before.scatter_mm2 + (1.0 - self.memory) * weight * (off_mm**2 - before.scatter_mm2)
-        best = max(before.information, information)
-        model_mm = np.hypot(self.model_share * mean_mm, self.model_strain * self._per_strain_mm(model))
+        best = max(before.best, information)
+        model_mm = np.hypot(self.model_share * mean_mm, self.model_strain * per_strain_mm)
         return PretensionEstimate(
             mean_mm=mean_mm,
             std_mm=float(np.sqrt(1.0 / best + scatter_mm2 + model_mm**2)),
             is_estimated=True,
-            information=best,
+            information=min(before.information + information, self.most_frames * best),
+            best=best,
             scatter_mm2=scatter_mm2,
         )
 
@@ -270,6 +285,15 @@ class ParameterResponse:
         """Whether the total force of a frame clearly differs from that of the response."""
         total_mm2, before_mm2 = total_force_mm2(model, fit), self.total_mm2
         return not before_mm2 / _STALE <= total_mm2 <= before_mm2 * _STALE
+
+    def may_wait(self, model: InversionModel, fit: Fit) -> bool:
+        """Whether the response of this frame may be computed in the next one.
+
+        It may after a full step, so that one frame does not take the time of both; but not if this response
+        is that of a sheet at rest, which contains nothing about contacts, and something presses now.
+        """
+        is_at_rest = self.total_mm2 <= model.nodes.least_force_mm2
+        return bool(fit.steps) and not (is_at_rest and self.is_stale(model, fit))
 
     def misfit_slope(self, model: InversionModel, fit: Fit, is_pressed: Mask) -> tuple[float, float]:
         """Gradient (1/mm) and information (1/mm^2): derivatives of half the misfit by the pretension over E.

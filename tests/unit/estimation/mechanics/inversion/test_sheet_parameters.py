@@ -1,12 +1,18 @@
-"""What wrong numbers of the sensor file do to contacts, and that a wrong outline makes none."""
+"""What wrong numbers of the sensor file do to contacts, that a wrong outline makes none, and the estimate of
+an unknown pretension.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from bent_sheets import YOUNG_MPA, bent, grid_of, sensor_of
 from manytouch.estimation import MechanicsEstimator
 from manytouch.estimation.mechanics.contact_rules import ContactRules
+from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
+from manytouch.estimation.mechanics.inversion.sheet_parameters import PretensionEstimate, PretensionEstimator
+from manytouch.estimation.mechanics.mechanics_state import MechanicsState
 from manytouch.geometry.camera import project
 from manytouch.values import Contact, Sensor
 from pressed_sheet import pressed, slack_sensor
@@ -125,3 +131,71 @@ def test_what_presses_most_is_a_contact_also_where_the_outline_is_uncertain() ->
     (contact,) = touching(with_outline(0.0, 1.5), place_mm, force_mm2)
     assert contact.normal_force_over_E_mm2 == pytest.approx(force_mm2, rel=0.1)
     assert contact.std("normal_force") > -0.25 * contact.force_N[2]
+
+
+PLACE_MM = (6.0, -4.0)
+ESTIMATOR = MechanicsEstimator()
+
+
+def pressed_without_pretension(
+    pretension_N_per_mm: float, forces_mm2: list[float]
+) -> list[tuple[MechanicsState, list[Contact]]]:
+    """States and contacts of presses on a sheet whose pretension the sensor file does not state."""
+    true = ESTIMATOR.start(sensor_of(pretension_N_per_mm=pretension_N_per_mm)).model
+    state, found = ESTIMATOR.start(sensor_of(pretension_N_per_mm=None)), []
+    shape = {force: bent(true, (*PLACE_MM, force)) for force in set(forces_mm2)}
+    for seed, force_mm2 in enumerate(forces_mm2):
+        state, _, contacts = ESTIMATOR.step(state, grid_of(true, shape[force_mm2], seed=seed))
+        found.append((state, list(contacts.touching)))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("pretension_N_per_mm", "force_mm2"), [(0.0, 0.5), (0.1, 1.0), (0.2, 1.5), (0.4, 2.5)]
+)
+def test_a_press_shows_an_unknown_pretension(pretension_N_per_mm: float, force_mm2: float) -> None:
+    """Up to a strain of 3.7 %, 2 to 3 mm deep."""
+    frames = pressed_without_pretension(
+        pretension_N_per_mm, [share * force_mm2 for share in (0.0, 0.2, 0.6, 1.0, 1.0)]
+    )
+    state, (contact,) = frames[-1]
+    true_mm, found = pretension_N_per_mm / YOUNG_MPA, state.pretension
+    assert found.mean_mm == pytest.approx(true_mm, rel=0.15, abs=0.005)
+    assert abs(found.mean_mm - true_mm) < found.std_mm
+    assert contact.normal_force_over_E_mm2 == pytest.approx(force_mm2, rel=0.15)
+
+
+@pytest.mark.parametrize("pretension_N_per_mm", [0.0, 0.4])
+def test_the_first_force_has_the_deviation_of_the_unknown_pretension(pretension_N_per_mm: float) -> None:
+    force_mm2 = 0.1 + pretension_N_per_mm
+    _, (_, (contact,)) = pressed_without_pretension(pretension_N_per_mm, [0.0, force_mm2])
+    off_mm2 = contact.normal_force_over_E_mm2 - force_mm2
+    assert abs(off_mm2) > 0.2 * force_mm2
+    assert abs(off_mm2) < 2.0 * contact.std("normal_force") / YOUNG_MPA
+
+
+def test_a_light_press_does_not_show_the_pretension() -> None:
+    before, after = (state for state, _ in pressed_without_pretension(0.2, [0.0, *3 * [0.1]])[::3])
+    assert after.pretension == before.pretension
+
+
+def updated(
+    before: PretensionEstimate, model: InversionModel, at_mm: float, std_mm: float, frames: int
+) -> PretensionEstimate:
+    """After frames whose least misfit is at a pretension over E."""
+    estimator = PretensionEstimator()
+    for _ in range(frames):
+        gradient = (model.shell.pretension_over_E_mm - at_mm) / std_mm**2
+        before = estimator.update(before, model, gradient, 1.0 / std_mm**2)
+    return before
+
+
+def test_of_many_presses_the_last_strong_ones_count() -> None:
+    model = ESTIMATOR.start(sensor_of()).model
+    start = ESTIMATOR.start(sensor_of(pretension_N_per_mm=None)).pretension
+    strong = updated(start, model, 0.1, 0.002, 5)
+    assert strong.mean_mm == pytest.approx(0.1, rel=0.01)
+    light = updated(strong, model, 0.06, 0.02, 50)
+    assert light.mean_mm == pytest.approx(0.1, rel=0.05)
+    later = updated(updated(strong, model, 0.1, 0.002, 1000), model, 0.08, 0.002, 40)
+    assert later.mean_mm == pytest.approx(0.08, rel=0.02)
