@@ -23,7 +23,7 @@ from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Camera, Sheet
 from manytouch.values.arrays import Mask, Points2
-from manytouch.values.sensor_file.default_std import camera_std, sheet_std
+from manytouch.values.sensor_file.default_std import ASSUMED_POISSON_STD, camera_std, sheet_std
 
 _STEP = 0.02  # of a finite difference, over the thickness or over the bending factor
 _POISSON_STEP = -0.01
@@ -81,12 +81,13 @@ def sheet_variants(model: InversionModel, sheet: Sheet) -> tuple[SheetVariant, .
                 marker_images=model.dots.changed(shell=thicker),
             )
         )
-    if std.poisson:
+    poisson_std = ASSUMED_POISSON_STD if std.poisson is None else std.poisson
+    if poisson_std > 0.0:
         other = shell.poisson + (_POISSON_STEP if shell.poisson > -_POISSON_STEP else -_POISSON_STEP)
         found.append(
             SheetVariant(
                 shell=replace(shell, poisson=min(other, _MAX_POISSON)),
-                std_over_step=std.poisson / abs(_POISSON_STEP),
+                std_over_step=poisson_std / abs(_POISSON_STEP),
             )
         )
     if shell.patch.boundary == "clamped":

@@ -15,6 +15,8 @@ from manytouch.estimation.mechanics.inversion.sheet_parameters import Pretension
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState
 from manytouch.geometry.camera import project
 from manytouch.values import Contact, Sensor
+from manytouch.values.sensor_file.assumed_sheet import ASSUMED_POISSON
+from manytouch.values.sensor_file.default_std import ASSUMED_POISSON_STD
 from pressed_sheet import pressed, slack_sensor
 
 EXACT = {"thickness_std_mm": 1e-6, "young_std_MPa": 1e-6, "poisson_std": 1e-9}
@@ -110,6 +112,26 @@ def test_the_deviation_of_depth_contains_that_of_the_thickness() -> None:
     assert changed_mm > 0.001
     assert added_mm == pytest.approx(changed_mm, rel=0.3)
     assert stated.std("torque") > 1.001 * exact.std("torque")
+
+
+def with_poisson(poisson: float | None) -> Sensor:
+    sensor = with_thickness(1.0, 1e-9)
+    assert sensor.sheet is not None
+    std = None if poisson is None else sensor.sheet.poisson_std
+    return replace(sensor, sheet=replace(sensor.sheet, poisson=poisson, poisson_std=std))
+
+
+def test_the_deviation_of_a_force_contains_that_of_a_ratio_that_is_not_stated() -> None:
+    place_mm, force_mm2 = (4.0, 2.0), 0.1
+    (exact,), (unstated,), (small,) = (
+        touching(with_poisson(ratio), place_mm, force_mm2)
+        for ratio in (ASSUMED_POISSON, None, ASSUMED_POISSON - ASSUMED_POISSON_STD)
+    )
+    changed_N = exact.force_N[2] - small.force_N[2]
+    added_N = np.sqrt(unstated.std("normal_force") ** 2 - exact.std("normal_force") ** 2)
+    assert changed_N < -0.02 * abs(exact.force_N[2])
+    assert added_N == pytest.approx(abs(changed_N), rel=0.2)
+    assert unstated.force_N == pytest.approx(exact.force_N)
 
 
 def test_a_wrong_outline_is_no_contact() -> None:
