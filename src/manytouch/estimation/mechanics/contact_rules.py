@@ -103,7 +103,8 @@ class ContactRules:
         clusters, stds = significant(clusters, fit, self.last_stds)
         if response is None:
             return clusters, stds
-        clusters = clusters.with_sheet_error(model.nodes, response.force_change_mm2[:, :, 2])
+        growth = np.append(response.growth(fit, clusters.label, len(clusters)), 1.0)[clusters.label]
+        clusters = clusters.with_sheet_error(model.nodes, growth * response.force_change_mm2[:, :, 2])
         is_strongest = clusters.normal_mm2 >= clusters.normal_mm2.max(initial=0.0)
         is_certain = clusters.normal_mm2 >= self.sure_stds * _relative_std_mm2(clusters, stds, fit, response)
         if model.is_assumed:

@@ -190,7 +190,9 @@ class ContactEstimator:
         if friction is not None:
             covariance += friction.covariance(white)
         if response is not None:
-            covariance += _by_parameters(model, clusters, near, rows, response)
+            growth = response.growth(fit, clusters.label, count)
+            by_parameters = _by_parameters(model, clusters, near, rows, response)
+            covariance += np.square(growth)[:, None, None] * by_parameters
         contacts = []
         for number, marker_covariance in enumerate(covariance):
             depth_mm = -float(moved_mm[number, deepest[number], 2])

@@ -14,7 +14,7 @@ forces the sparse prior would reduce.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, balance
 from manytouch.estimation.mechanics.inversion.sheet_model import PRETENSION_STEP_MM, InversionModel
@@ -22,7 +22,7 @@ from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Camera, Sheet
-from manytouch.values.arrays import Mask, Points2
+from manytouch.values.arrays import Mask, Points2, Scalars
 from manytouch.values.sensor_file.default_std import ASSUMED_POISSON_STD, camera_std, sheet_std
 
 _STEP = 0.02  # of a finite difference, over the thickness or over the bending factor
@@ -35,6 +35,7 @@ A deep press next to a clamp bends the sheet there more than its shell. In the v
 files, contacts that it explains (see `ContactRules.outline_stds`) are false ones, up to a deviation of 0.09.
 Fitted on sheets of 1.5 to 6 mm and presses to 12 mm deep; 40 other presses of this range confirm it (ADR 99).
 """
+_MOST_GROWTH = 5.0  # a response to less than a fifth of the force of a cluster contains little about it
 _STALE = 1.5  # ratio of total forces from which on a response is computed again
 
 Changes = Float64[np.ndarray, "p nodes 3"]
@@ -295,6 +296,25 @@ class ParameterResponse:
         """
         is_at_rest = self.total_mm2 <= model.nodes.least_force_mm2
         return bool(fit.steps) and not (is_at_rest and self.is_stale(model, fit))
+
+    def growth(self, fit: Fit, label: Int64[np.ndarray, " nodes"], count: int) -> Scalars:
+        """(c,) factors of the changes where clusters were weaker when this response was computed.
+
+        What a parameter of the sheet changes is about in proportion to the force.
+
+        Args:
+            fit: of this frame.
+            label: (nodes,) cluster of each node, or -1.
+            count: number of clusters.
+        """
+        inside = np.flatnonzero(label >= 0)
+        before_mm2, now_mm2 = (
+            np.bincount(label[inside], press_mm2[inside], minlength=count)
+            for press_mm2 in (self.normal_mm2, -fit.shape.force_mm2[:, 2])
+        )
+        before_mm2 = np.maximum(before_mm2, now_mm2 / _MOST_GROWTH)
+        ratio = np.divide(now_mm2, before_mm2, out=np.ones(count), where=before_mm2 > 0.0)
+        return np.asarray(np.maximum(ratio, 1.0))
 
     def misfit_slope(self, model: InversionModel, fit: Fit, is_pressed: Mask) -> tuple[float, float]:
         """Gradient (1/mm) and information (1/mm^2): derivatives of half the misfit by the pretension over E.

@@ -22,6 +22,7 @@ from pressed_sheet import pressed, slack_sensor
 EXACT = {"thickness_std_mm": 1e-6, "young_std_MPa": 1e-6, "poisson_std": 1e-9}
 EXACT_CAMERA = {"fx_std_px": 0.0, "translation_std_mm": np.zeros(3)}
 FRAMES = 4
+ESTIMATOR = MechanicsEstimator()
 
 
 def with_outline(off_mm: float, std_mm: float) -> Sensor:
@@ -134,6 +135,20 @@ def test_the_deviation_of_a_force_contains_that_of_a_ratio_that_is_not_stated() 
     assert unstated.force_N == pytest.approx(exact.force_N)
 
 
+def test_where_a_press_grows_its_deviations_by_parameters_grow_at_once() -> None:
+    """The response to the parameters is computed in the frame after a full step; until then it is that of the
+    weaker force, and the sheet becomes stiffer as it is pressed.
+    """
+    state, place_mm = ESTIMATOR.start(with_thickness(1.0, 0.2)), np.array([(4.0, 2.0)])
+    found = []
+    for seed, force_mm2 in enumerate((0.0, 0.04, 0.04, 0.15, 0.15, 0.15)):
+        state, _, contacts = ESTIMATOR.step(state, pressed(place_mm, force_mm2, seed))
+        found.append(list(contacts.touching))
+    (grown,), (*_, last) = found[3], found[5]
+    for name in ("normal_force", "shear_x", "depth"):
+        assert 0.9 * last.std(name) < grown.std(name) < 2.0 * last.std(name)
+
+
 def test_a_wrong_outline_is_no_contact() -> None:
     sensor, place_mm = with_outline(-0.3, 0.3), (4.0, 2.0)
     assert len(touching(sensor, place_mm, 0.15, ContactRules(outline_stds=0.0, sure_stds=0.0))) == 2
@@ -156,7 +171,6 @@ def test_what_presses_most_is_a_contact_also_where_the_outline_is_uncertain() ->
 
 
 PLACE_MM = (6.0, -4.0)
-ESTIMATOR = MechanicsEstimator()
 
 
 def pressed_without_pretension(
