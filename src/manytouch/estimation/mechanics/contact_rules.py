@@ -103,7 +103,8 @@ class ContactRules:
         clusters, stds = significant(clusters, fit, self.last_stds)
         if response is None:
             return clusters, stds
-        growth = np.append(response.growth(fit, clusters.label, len(clusters)), 1.0)[clusters.label]
+        ratio = response.force_ratio(fit, clusters.label, len(clusters))
+        growth = np.append(np.maximum(ratio, 1.0), 1.0)[clusters.label]
         clusters = clusters.with_sheet_error(model.nodes, growth * response.force_change_mm2[:, :, 2])
         is_strongest = clusters.normal_mm2 >= clusters.normal_mm2.max(initial=0.0)
         is_certain = clusters.normal_mm2 >= self.sure_stds * _relative_std_mm2(clusters, stds, fit, response)
@@ -145,10 +146,7 @@ def _share_left(clusters: Clusters, fit: Fit, response: ParameterResponse) -> Sc
     Where a cluster was stronger then, the change is in proportion to its force: most of it is that of its own
     load.
     """
-    before_mm2, now_mm2 = _sums_mm2(clusters, response.normal_mm2, -fit.shape.force_mm2[:, 2])
-    now_mm2 = np.maximum(now_mm2, 0.0)
-    share = np.divide(now_mm2, before_mm2, out=np.ones(len(clusters)), where=before_mm2 > now_mm2)
-    return np.asarray(share)
+    return np.asarray(np.minimum(response.force_ratio(fit, clusters.label, len(clusters)), 1.0))
 
 
 def _sums_mm2(

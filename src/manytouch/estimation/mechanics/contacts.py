@@ -190,7 +190,7 @@ class ContactEstimator:
         if friction is not None:
             covariance += friction.covariance(white)
         if response is not None:
-            growth = response.growth(fit, clusters.label, count)
+            growth = np.maximum(response.force_ratio(fit, clusters.label, count), 1.0)
             by_parameters = _by_parameters(model, clusters, near, rows, response)
             covariance += np.square(growth)[:, None, None] * by_parameters
         contacts = []

@@ -15,9 +15,7 @@ THICKNESS_SHARE = 0.05
 YOUNG_SHARE = 0.08
 PRETENSION_SHARE = 0.2
 POISSON_STD = 0.02
-ASSUMED_POISSON_STD = (
-    0.05  # of a clamped sheet whose ratio is not stated; rubbers have 0.45 to 0.5, foams 0.3
-)
+ASSUMED_POISSON_STD = 0.05  # of a clamped sheet whose file does not state it: rubbers 0.45 to 0.5, foams 0.3
 OUTLINE_STD_MM = 0.3
 BENDING_SHARE = 0.0  # the factor is 1 unless it was calibrated
 FOCAL_SHARE = 0.003

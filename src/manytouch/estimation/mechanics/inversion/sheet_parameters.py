@@ -181,7 +181,8 @@ class PretensionEstimator:
             nothing is known.
         most_std: standard deviation of one frame by noise, over that of the prior, up to which the frame
             counts. Where an object presses so lightly that its forces are below those that the sparse prior
-            distinguishes from none, the pretension of the frame is too low.
+            distinguishes from none, the pretension of the frame is too low. Chosen on varied presses of the
+            suite (ADR 148).
         most_frames: number of frames, each as good as the best one, that the mean contains: of a long
             recording those of the last presses count.
         memory: share of the scatter of the corrections that is kept from frame to frame.
@@ -297,8 +298,8 @@ class ParameterResponse:
         is_at_rest = self.total_mm2 <= model.nodes.least_force_mm2
         return bool(fit.steps) and not (is_at_rest and self.is_stale(model, fit))
 
-    def growth(self, fit: Fit, label: Int64[np.ndarray, " nodes"], count: int) -> Scalars:
-        """(c,) factors of the changes where clusters were weaker when this response was computed.
+    def force_ratio(self, fit: Fit, label: Int64[np.ndarray, " nodes"], count: int) -> Scalars:
+        """(c,) normal forces of clusters over those when this response was computed, at most `_MOST_GROWTH`.
 
         What a parameter of the sheet changes is about in proportion to the force.
 
@@ -309,12 +310,11 @@ class ParameterResponse:
         """
         inside = np.flatnonzero(label >= 0)
         before_mm2, now_mm2 = (
-            np.bincount(label[inside], press_mm2[inside], minlength=count)
+            np.maximum(np.bincount(label[inside], press_mm2[inside], minlength=count), 0.0)
             for press_mm2 in (self.normal_mm2, -fit.shape.force_mm2[:, 2])
         )
         before_mm2 = np.maximum(before_mm2, now_mm2 / _MOST_GROWTH)
-        ratio = np.divide(now_mm2, before_mm2, out=np.ones(count), where=before_mm2 > 0.0)
-        return np.asarray(np.maximum(ratio, 1.0))
+        return np.divide(now_mm2, before_mm2, out=np.ones(count), where=before_mm2 > 0.0)
 
     def misfit_slope(self, model: InversionModel, fit: Fit, is_pressed: Mask) -> tuple[float, float]:
         """Gradient (1/mm) and information (1/mm^2): derivatives of half the misfit by the pretension over E.
