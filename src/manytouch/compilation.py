@@ -9,7 +9,8 @@ A compiled function is written with two decorators::
 Its arguments are numbers, arrays and `typing.NamedTuple`s of these.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import Any, TypeVar, cast
 
@@ -27,7 +28,10 @@ from manytouch.kernels.libraries import (
 )
 from manytouch.kernels.loading import keep_in_files
 
+THREADS = 2  # of `in_threads`
 Function = TypeVar("Function", bound=Callable[..., Any])
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 Named = TypeVar("Named", bound=tuple[Any, ...])
 
 # Floating-point options: sums may be reordered, which SIMD needs; NaN and infinity keep their meaning.
@@ -105,6 +109,15 @@ def plain(named: Named) -> Named:
     nothing: `dots = DotArrays(*dots)`.
     """
     return cast(Named, tuple(named))
+
+
+def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+    """Results of a function that spends its time in kernels, in the order of the items.
+
+    For work that is done once, when a recording begins; frames are computed in one thread.
+    """
+    with ThreadPoolExecutor(THREADS) as pool:
+        return list(pool.map(function, items))
 
 
 @intrinsic

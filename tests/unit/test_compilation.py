@@ -3,9 +3,11 @@
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
+from threading import Barrier
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,7 @@ from numba.core.compiler import Flags
 from numba.core.cpu import CPUContext
 from numba.core.targetconfig import TargetConfig
 
-from manytouch.compilation import REORDER, kernel
+from manytouch.compilation import REORDER, THREADS, in_threads, kernel
 from manytouch.kernels import libraries
 from manytouch.kernels.libraries import PartLibrary, bind_calls_within_modules, compile_parts_without_code
 from manytouch.kernels.shortcuts import use_shortcuts
@@ -173,6 +175,17 @@ for name, module in sorted(sys.modules.copy().items()):
         if len({kinds(each) for each in signatures}) < len(signatures):
             print(name, function.py_func.__qualname__)
 """
+
+
+def test_results_of_threads_are_in_the_order_of_the_items() -> None:
+    begun = Barrier(THREADS, timeout=10.0)
+
+    def wait_for_another(item: int) -> int:
+        begun.wait()  # one thread alone would wait in vain
+        time.sleep(0.01 * (3 - item))
+        return -item
+
+    assert in_threads(wait_for_another, range(2 * THREADS)) == [0, -1, -2, -3]
 
 
 def test_nothing_is_compiled_once_for_writable_and_once_for_read_only_arrays() -> None:

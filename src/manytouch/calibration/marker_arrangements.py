@@ -9,11 +9,11 @@ grows in the image. The constants are explained in ADR 51, ADR 131 and ADR 143.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.compilation import in_threads
 from manytouch.estimation.local_motion import LocalMotion, marker_groups
 from manytouch.estimation.uncalibrated.marker_spacing import marker_spacing
 from manytouch.geometry.neighbours import nearest_neighbours
@@ -77,9 +77,14 @@ class MarkerComparison:
 
     def motions(self, sample: Float64[np.ndarray, "f m 2"]) -> Float64[np.ndarray, "f f"]:
         """`group_motion` between every two frames."""
-        motion = np.zeros((len(sample), len(sample)))
-        for a, b in combinations(range(len(sample)), 2):
-            motion[a, b] = motion[b, a] = self.group_motion(sample[b], sample[a])
+        count = len(sample)
+
+        def motions_of_later(frame: int) -> list[float]:
+            return [self.group_motion(sample[later], sample[frame]) for later in range(frame + 1, count)]
+
+        motion = np.zeros((count, count))
+        for frame, found in enumerate(in_threads(motions_of_later, range(count))):
+            motion[frame, frame + 1 :] = motion[frame + 1 :, frame] = found
         return motion
 
     def area_skewness(self, before_px: Points2, after_px: Points2) -> float:

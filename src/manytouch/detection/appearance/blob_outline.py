@@ -15,12 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64, Int64, Shaped
 
-from manytouch.compilation import kernel, no_type_check
+from manytouch.compilation import THREADS, in_threads, kernel, no_type_check, u64
 from manytouch.values.arrays import Points2, Scalars
 
 RAYS = 24
 STEPS = 26  # samples of a ray
 REACH = 2.6  # radii
+MOST_TRIALS = 3  # of each blob, from the centroid and size of the one before
 FITTING_RADIUS_PX = 4.0
 """A blob is sampled in the octave in which its radius is this to twice this, if there is one."""
 X, Y, RADIUS, CONTRAST, OPENNESS, ASPECT, ROUGHNESS, VISIBLE, FILL = range(9)  # of a row, as in `Outlines`
@@ -106,25 +107,19 @@ def trace_outlines(pyramid: list[np.ndarray], place_px: Points2, radius_px: Scal
     octave_of_blob = np.floor(np.log2(np.maximum(radius_px / FITTING_RADIUS_PX, 1.0))).astype(int)
     octave_of_blob = np.minimum(octave_of_blob, len(pyramid) - 1)
     rows = np.full((len(place_px), COLUMNS), np.nan)
-    for octave, image in enumerate(pyramid):
-        chosen = np.flatnonzero(octave_of_blob == octave)
-        if len(chosen) == 0:
-            continue
-        scale = 2.0**octave
-        part = np.full((len(chosen), COLUMNS), np.nan)
-        trace_octave(image, place_px[chosen] / scale, radius_px[chosen] / scale, sign, part)
-        part[:, [X, Y, RADIUS]] *= scale
-        rows[chosen] = part
-    return Outlines(
-        place_px=np.ascontiguousarray(rows[:, [X, Y]]),
-        radius_px=rows[:, RADIUS].copy(),
-        contrast=rows[:, CONTRAST].copy(),
-        openness=rows[:, OPENNESS].copy(),
-        aspect=rows[:, ASPECT].copy(),
-        roughness=rows[:, ROUGHNESS].copy(),
-        visible=rows[:, VISIBLE].copy(),
-        fill=rows[:, FILL].copy(),
-    )
+
+    def trace(blobs: np.ndarray) -> None:
+        for octave, image in enumerate(pyramid):
+            chosen, scale = blobs[octave_of_blob[blobs] == octave], 2.0**octave
+            part = np.full((len(chosen), COLUMNS), np.nan)
+            trace_octave(image, place_px[chosen] / scale, radius_px[chosen] / scale, sign, part)
+            part[:, [X, Y, RADIUS]] *= scale
+            rows[chosen] = part
+
+    in_threads(trace, [np.arange(first, len(rows), THREADS) for first in range(THREADS)])
+    _, *names = Outlines.__slots__  # in the order of the columns
+    columns = dict(zip(names, rows[:, RADIUS:].T.copy(), strict=True))
+    return Outlines(place_px=np.ascontiguousarray(rows[:, [X, Y]]), **columns)
 
 
 Octave = Shaped[np.ndarray, "h w"]
@@ -132,14 +127,14 @@ Octave = Shaped[np.ndarray, "h w"]
 
 @kernel()
 @no_type_check
-def _interpolate(image: Octave, x: float, y: float) -> float:
-    """Bilinear, clamped at the border."""
-    height, width = image.shape
-    x, y = min(max(x, 0.0), width - 1.001), min(max(y, 0.0), height - 1.001)
-    u, v = int(x), int(y)
-    a, b = x - u, y - v
-    upper: float = (1.0 - a) * image[v, u] + a * image[v, u + 1]
-    lower: float = (1.0 - a) * image[v + 1, u] + a * image[v + 1, u + 1]
+def _between(image: Octave, x: float, y: float) -> float:
+    """Bilinear interpolation at a place whose four pixels are in the image."""
+    left, top = int(x), int(y)
+    a, b = x - left, y - top
+    u, v = u64(left), u64(top)
+    below, right = v + u64(1), u + u64(1)
+    upper: float = (1.0 - a) * image[v, u] + a * image[v, right]
+    lower: float = (1.0 - a) * image[below, u] + a * image[below, right]
     return (1.0 - b) * upper + b * lower
 
 
@@ -148,15 +143,21 @@ def _interpolate(image: Octave, x: float, y: float) -> float:
 def _sample_rays(image: Octave, x: float, y: float, radius: float, sign: float, rays: RaySamples) -> None:
     """Samples the brightness along all rays."""
     height, width = image.shape
+    reach = REACH * radius
+    is_inside = reach <= x < width - 1.01 - reach and reach <= y < height - 1.01 - reach
     for ray in range(RAYS):
         rays.samples_inside[ray] = STEPS
         for step in range(STEPS):
             distance = REACH * radius * (step + 0.5) / STEPS
             u, v = x + distance * COSINE[ray], y + distance * SINE[ray]
-            if u < -0.5 or v < -0.5 or u > width - 0.5 or v > height - 0.5:
+            if is_inside:
+                rays.values[ray, step] = sign * _between(image, u, v)
+            elif u < -0.5 or v < -0.5 or u > width - 0.5 or v > height - 0.5:
                 rays.samples_inside[ray] = step
                 break
-            rays.values[ray, step] = sign * _interpolate(image, u, v)
+            else:
+                u, v = min(max(u, 0.0), width - 1.001), min(max(v, 0.0), height - 1.001)
+                rays.values[ray, step] = sign * _between(image, u, v)
 
 
 @kernel()
@@ -179,12 +180,13 @@ def _find_core(rays: RaySamples) -> tuple[float, int]:
     """Largest median brightness of a ring within the radius, and the step of that ring."""
     core, best = -1e9, 0
     for step in range(int(STEPS * 1.0 / REACH)):
-        count = 0
+        count = lighter = 0
         for ray in range(RAYS):
             if rays.samples_inside[ray] > step:
                 rays.scratch[count] = rays.values[ray, step]
+                lighter += rays.scratch[count] > core
                 count += 1
-        if count >= int(RAYS * LIMITS.least_rays):
+        if count >= int(RAYS * LIMITS.least_rays) and 2 * lighter >= count:
             middle = _sorted_middle(rays.scratch, count)
             if middle > core:
                 core, best = middle, step
@@ -302,20 +304,20 @@ def _trace_one(
     sign: float,
     rays: RaySamples,
     row: Float64[np.ndarray, "9"],
-) -> bool:
-    """One outline, all but its shape; False if there is none."""
+) -> float:
+    """One outline, all but its shape and fill; the brightness of its core, NaN if there is no outline."""
     _sample_rays(image, x, y, radius, sign, rays)
     core, best = _find_core(rays)
     visible_rays, contrast = _measure_falls(rays, core, best)
     row[VISIBLE] = visible_rays / RAYS
     if contrast <= 0.0:
-        return False
+        return np.nan
     open_rays = _measure_lengths(rays, core, best, contrast, radius)
     row[CONTRAST], row[OPENNESS] = contrast, open_rays / visible_rays
     if _is_ridge(rays, contrast):
         row[OPENNESS] = max(row[OPENNESS], 0.5)  # counts as half open, so that it is never a dot
     if not _fill_lengths(rays):
-        return False
+        return np.nan
     area = sum_x = sum_y = 0.0
     for ray in range(RAYS):
         length = rays.lengths[ray]
@@ -324,8 +326,7 @@ def _trace_one(
         sum_y += length**3 / 3.0 * SINE[ray]
     row[X], row[Y] = x + sum_x / area, y + sum_y / area
     row[RADIUS] = math.sqrt(2.0 * area / RAYS)
-    row[FILL] = _fill_share(rays, radius, core - 0.5 * contrast)
-    return True
+    return core
 
 
 @kernel()
@@ -378,14 +379,17 @@ def trace_octave(
     row = np.empty(COLUMNS)
     for i in range(place.shape[0]):
         x, y, size = place[i, 0], place[i, 1], radius[i]
-        for _ in range(3):
-            if not _trace_one(image, x, y, size, sign, rays, row):
+        for trial in range(MOST_TRIALS):
+            core = _trace_one(image, x, y, size, sign, rays, row)
+            if math.isnan(core):
                 rows[i] = np.nan
                 break
-            _measure_shape(rays.lengths, row)
-            rows[i] = row
             shift = math.hypot(row[X] - x, row[Y] - y)
-            if shift < 0.1 * size and 0.8 < row[RADIUS] / size < 1.25:
+            is_settled = shift < 0.1 * size and 0.8 < row[RADIUS] / size < 1.25
+            if is_settled or trial == MOST_TRIALS - 1:
+                _measure_shape(rays.lengths, row)
+                row[FILL] = _fill_share(rays, size, core - 0.5 * row[CONTRAST])
+                rows[i] = row
                 break
             limit = min(max(row[RADIUS], 0.5 * size), 1.6 * size)
             step = min(1.0, 0.8 * size / max(shift, 1e-9))
