@@ -102,12 +102,16 @@ def find_rest_dots(
     is_same_time = surveyed.frame_index in {frame.index for frame in at_rest} or not at_rest
     dots = confirm_rest_dots(dots_by_size, surveyed_dots, is_same_time=is_same_time)
     if not is_same_time:
-        dots = _confirmed_at_rest(dots_by_size, dots, at_rest, surveyed.appearance.polarity, roi_px)
+        dots = _confirmed_at_rest(dots_by_size, dots, at_rest, surveyed.appearance, roi_px)
     return surveyed.appearance, dots, surveyed.notes
 
 
 def _confirmed_at_rest(
-    by_size: RestDots, confirmed: RestDots, at_rest: Sequence[Frame], polarity: Polarity, roi_px: Roi | None
+    by_size: RestDots,
+    confirmed: RestDots,
+    at_rest: Sequence[Frame],
+    appearance: "Appearance",
+    roi_px: Roi | None,
 ) -> RestDots:
     """The dots at rest that a survey of the frames at rest confirms, or `confirmed` if these are more.
 
@@ -117,11 +121,11 @@ def _confirmed_at_rest(
     from manytouch.detection import survey
 
     try:
-        again = survey(at_rest, roi_px=roi_px)
+        again = survey(at_rest, roi_px=roi_px, known=appearance)
     except LayoutError:
         return confirmed
     known = merge_rest_dots([again.detections])
-    if again.appearance.polarity != polarity or len(known.centre_px) <= len(confirmed.centre_px):
+    if len(known.centre_px) <= len(confirmed.centre_px):
         return confirmed
     return confirm_rest_dots(by_size, known, is_same_time=True)
 

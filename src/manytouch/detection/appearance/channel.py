@@ -1,5 +1,6 @@
 """The channel, of grey, single colours and combinations of them, that shows the dots of an image best."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -12,7 +13,7 @@ from manytouch.detection.appearance.channel_weights import fit_weights, trial_we
 from manytouch.detection.appearance.pattern import Pattern, find_pattern
 from manytouch.detection.appearance.regularity import keep_single
 from manytouch.detection.appearance.scale_space import find_blobs
-from manytouch.detection.dot_appearance import GREY_OF_BGR
+from manytouch.detection.dot_appearance import GREY_OF_BGR, Appearance
 from manytouch.detection.noise import estimate_noise
 from manytouch.values import Polarity
 from manytouch.values.arrays import Mask
@@ -42,11 +43,18 @@ ROUND = RoundLimits()
 ROUGHLY_ROUND = RoundLimits(openness=0.3, aspect=3.5, roughness=0.35, fill=0.5, least_noises=5.0)
 
 
-def best_pattern(image: np.ndarray, scale: float) -> Pattern | None:
+def best_pattern(image: np.ndarray, scale: float, known: Appearance | None = None) -> Pattern | None:
     """The dots of an image in the channel that shows them best; None if there are none.
 
-    `scale` is `level_scale` of the image.
+    Args:
+        image: (h, w) or (h, w, c).
+        scale: `level_scale` of the image.
+        known: of the dots, from another image of them: only its channel and polarity are tried.
     """
+    if known is not None:
+        weights = GREY_OF_BGR if known.colour_weights is None else known.colour_weights
+        weights = weights if image.ndim == 3 else np.ones(1)
+        return find_channel_pattern(image, weights * scale, (known.polarity,))
     if image.ndim == 2:
         return find_channel_pattern(image, np.array([scale]))
     grey = GREY_OF_BGR * scale
@@ -61,7 +69,7 @@ def best_pattern(image: np.ndarray, scale: float) -> Pattern | None:
         sure = np.flatnonzero(best.alike)
         weights = fit_weights(image, best.dots.place_px[sure], best.dots.radius_px[sure])
         sign = 1.0 if best.polarity == "light" else -1.0
-        found = find_channel_pattern(image, sign * weights * scale)
+        found = find_channel_pattern(image, sign * weights * scale, ("light",))
         if found is None or not _is_clearly_better(found, best):
             break
         best = found
@@ -97,17 +105,20 @@ def _is_clearly_better(new: Pattern, old: Pattern) -> bool:
     return more and new.score > 1.1 * old.score
 
 
-def find_channel_pattern(image: np.ndarray, weights: Float64[np.ndarray, " c"]) -> Pattern | None:
-    """The best pattern of both polarities in one channel."""
+def find_channel_pattern(
+    image: np.ndarray, weights: Float64[np.ndarray, " c"], polarities: Sequence[Polarity] = ("light", "dark")
+) -> Pattern | None:
+    """The best pattern of these polarities in one channel."""
     channel = _channel(image, weights)
     noise = estimate_noise(image, weights)
     blobs, pyramid = find_blobs(channel, noise=noise)
     best: Pattern | None = None
-    for polarity, sign in (("light", 1.0), ("dark", -1.0)):
+    for polarity in polarities:
+        sign = 1.0 if polarity == "light" else -1.0
         of_sign = blobs.contrast * sign > 0
         traced = trace_outlines(pyramid, blobs.place_px[of_sign], blobs.radius_px[of_sign], sign)
         traced = traced.at(np.flatnonzero(np.isfinite(traced.radius_px) & (traced.contrast > 1.5)))
-        found = find_pattern(traced, "light" if polarity == "light" else "dark", weights)
+        found = find_pattern(traced, polarity, weights)
         if found is not None and (best is None or found.seed_score > best.seed_score):
             best = found
     return best

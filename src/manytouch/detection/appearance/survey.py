@@ -45,12 +45,13 @@ class Survey:
     notes: tuple[str, ...] = ()
 
 
-def survey(frames: Sequence[Frame], *, roi_px: Roi | None = None) -> Survey:
+def survey(frames: Sequence[Frame], *, roi_px: Roi | None = None, known: Appearance | None = None) -> Survey:
     """Determines the appearance of the dots of a recording.
 
     Args:
         frames: the first frames of a recording; the first one with dots is the reference.
         roi_px: x, y, width, height of the region of interest; None for the whole image.
+        known: channel and polarity of the dots, from a survey of other frames; None: all are tried.
 
     Raises:
         LayoutError: no frame could be decoded, or no dots were found.
@@ -64,7 +65,7 @@ def survey(frames: Sequence[Frame], *, roi_px: Roi | None = None) -> Survey:
         assert frame.image is not None
         image, corner = crop(frame.image, roi_px)
         scale = level_scale(frame.image)
-        pattern = best_pattern(image, scale) if min(image.shape[:2]) >= 16 else None
+        pattern = best_pattern(image, scale, known) if min(image.shape[:2]) >= 16 else None
         if pattern is not None:
             return _measure_pattern(frame, image, corner, scale, pattern)
     height, width = pictures[0].image.shape[:2] if pictures[0].image is not None else (0, 0)

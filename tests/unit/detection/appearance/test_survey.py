@@ -1,5 +1,6 @@
 """Dots found by the survey in images of all kinds, and images that are refused."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -141,6 +142,32 @@ def test_colour_separates_dots_that_grey_does_not() -> None:
     assert np.abs(weights).sum() == pytest.approx(1.0)
     assert len(found.detections.centre_px) == 108
     assert (found.detections.contrast > 0).all()
+
+
+def test_of_two_patterns_the_known_one_is_found() -> None:
+    """Light dots on the left, and fewer dark ones on the right."""
+    centre_px = lattice(12, 9, 38.0)
+    is_left = centre_px[:, 0] < WIDTH / 2 + 40.0
+    light = render(centre_px, 8.0, Look(ground=120.0, dot=230.0, read_noise=2.0))
+    dark = render(centre_px, 8.0, Look(ground=120.0, dot=60.0, read_noise=2.0))
+    image = np.where(np.arange(WIDTH) < WIDTH / 2 + 40.0, light, dark)
+    first = survey([frame(image)])
+    assert (first.appearance.polarity, len(first.detections.centre_px)) == ("light", is_left.sum())
+    known = survey([frame(dark)]).appearance
+    again = survey([frame(image)], known=known)
+    assert (again.appearance.polarity, len(again.detections.centre_px)) == ("dark", (~is_left).sum())
+
+
+def test_a_known_colour_is_used_again() -> None:
+    look = Look(ground=(60.0, 120.0, 60.0), dot=(60.0, 70.0, 158.0), read_noise=2.0)
+    first = survey([frame(render(lattice(12, 9, 38.0), 8.0, look))])
+    there_px = lattice(12, 9, 37.0)
+    image = render(there_px, 8.0, look)
+    again = survey([frame(image)], known=first.appearance)
+    assert len(again.detections.centre_px) == 108
+    assert again.appearance.colour_weights == pytest.approx(first.appearance.colour_weights)
+    with pytest.raises(LayoutError):
+        survey([frame(image)], known=replace(first.appearance, colour_weights=None))
 
 
 def test_16_bit_is_measured_in_grey_levels_of_255() -> None:
