@@ -11,6 +11,7 @@ from typing import Any
 from manytouch.blas_threads import limit_blas_threads
 from manytouch.errors import ManytouchError, SensorError, SourceError, require_type, without_password
 from manytouch.pipeline import Pipeline, Sink
+from manytouch.session.background_iterator import BackgroundIterator, short_switch_interval
 from manytouch.session.methods import (
     DEFAULT,
     ParameterValue,
@@ -36,6 +37,7 @@ UNKNOWN_PRETENSION = (
     "pretension_N_per_mm and young_MPa; the standard deviations of forces contain that of the estimate "
     "(manytouch calibrate sheet measures the pretension)."
 )
+_AHEAD = 4  # frames that are tracked and wait for estimation
 NO_RATE = f"The frame rate is {ASSUMED_FPS:g} frames per second, since the input states none (--fps sets it)."
 
 
@@ -144,7 +146,12 @@ class Job:
         if (first := next(self.frames, None)) is None:
             raise ManytouchError(f"the frames of {self.text} were read already: prepare it again")
         tracked = self.pipeline.track_frames(chain((first,), self.frames), self.sensor)
-        yield from self.pipeline.estimate_readings(tracked, self.sensor, estimation)
+        if self.source.is_live:
+            yield from self.pipeline.estimate_readings(tracked, self.sensor, estimation)
+            return
+        ahead = BackgroundIterator(tracked, ahead=_AHEAD, thread_name="manytouch-track")
+        with short_switch_interval(), ahead as stream:
+            yield from self.pipeline.estimate_readings(stream, self.sensor, estimation)
 
     def close(self) -> None:
         """Release the source."""

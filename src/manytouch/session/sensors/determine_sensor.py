@@ -10,6 +10,7 @@ from manytouch.calibration.rest.adapt_nominal import register_nominal
 from manytouch.calibration.rest.register_rest import may_begin_pressed, register_to_recording
 from manytouch.calibration.rest.whole_recording import is_still, with_doubt_of_start, with_unrelated_pictures
 from manytouch.errors import SourceError
+from manytouch.session.background_iterator import BackgroundIterator
 from manytouch.session.result_hashes import Pitch
 from manytouch.session.sensors.source_checks import require_fit, require_region, require_views
 from manytouch.sources import Source
@@ -20,6 +21,8 @@ START_FRAMES = 15
 """Number of first frames that show the sensor and its rest positions."""
 STILL_TRIES = 8
 """How often `START_FRAMES` more are read from a live source whose markers moved in the ones before."""
+
+_AHEAD = 4  # frames that are decoded before the ones before them were searched
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -138,8 +141,9 @@ def _with_whole_recording(
         return found
     if on_message is not None:
         on_message("reading the whole recording once, for the rest positions of its markers")
-    if is_known_sheet and given is not None:
-        return register_to_recording(given, found, source, frame_count=source.frame_count, roi_px=roi_px)
-    settled = rest_of_recording(found, source, frame_count=source.frame_count, roi_px=roi_px)
+    with BackgroundIterator(iter(source), ahead=_AHEAD, thread_name="manytouch-reading") as frames:
+        if is_known_sheet and given is not None:
+            return register_to_recording(given, found, frames, frame_count=source.frame_count, roi_px=roi_px)
+        settled = rest_of_recording(found, frames, frame_count=source.frame_count, roi_px=roi_px)
     # recordings with a calibrated file should begin at rest: only a result without doubt corrects that
     return found if settled.doubt is not None and is_calibrated_pad else settled.sensor

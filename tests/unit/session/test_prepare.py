@@ -1,0 +1,63 @@
+"""A job reads and tracks in a thread of its own, ahead of the estimation."""
+
+import threading
+from collections.abc import Generator
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from drawn_source import DrawnSource
+from manytouch.session import prepare
+from manytouch.values import Reading
+from waiting import wait_until
+
+THREAD = "manytouch-track"
+
+
+def readings_of(source: DrawnSource) -> Generator[Reading, None, None]:
+    return cast(Any, prepare(source, pitch_mm=4.0, method="perimeter").readings())
+
+
+def is_tracking() -> bool:
+    return any(each.name == THREAD for each in threading.enumerate())
+
+
+def test_frames_of_a_recording_are_tracked_while_one_is_estimated() -> None:
+    source = DrawnSource(frames=40)
+    readings = readings_of(source)
+    for index in range(20):
+        assert next(readings).frame.index == index
+    wait_until(lambda: source.taken[-1] > 22)
+    assert is_tracking()
+    readings.close()
+    assert source.taken[-1] < 30
+    assert not is_tracking()
+
+
+def test_a_recording_has_the_readings_of_its_pipeline_in_order() -> None:
+    job = prepare(DrawnSource(frames=40), pitch_mm=4.0, method="perimeter")
+    readings = list(job.readings())
+    alone = list(job.pipeline.run(DrawnSource(frames=40), job.sensor))
+    assert [each.frame.index for each in readings] == list(range(40))
+    for one, other in zip(readings, alone, strict=True):
+        assert np.array_equal(one.grid.position_px, other.grid.position_px, equal_nan=True)
+        assert len(one.contacts.contacts) == len(other.contacts.contacts)
+    assert not is_tracking()
+
+
+def test_an_error_of_the_source_reaches_the_caller_after_the_readings_before_it() -> None:
+    readings, read = readings_of(DrawnSource(frames=40, fails_at=30)), []
+    with pytest.raises(ValueError, match="fell off the table"):
+        read.extend(each.frame.index for each in readings)
+    assert not is_tracking()
+
+
+def test_frames_of_a_live_source_are_not_read_ahead() -> None:
+    source = DrawnSource(frames=60, is_live=True)
+    readings = readings_of(source)
+    for _ in range(20):
+        reading = next(readings)
+    assert source.taken[-1] == reading.frame.index
+    assert not is_tracking()
+    readings.close()
