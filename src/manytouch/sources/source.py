@@ -96,6 +96,9 @@ class Capabilities:
 class Source(Protocol):
     """An iterable of frames; each `iter()` starts at the first frame again.
 
+    It is iterated in threads of their own, some frames ahead of what is estimated: the image of a frame must
+    not change once it was given.
+
     Attributes:
         name: stem for the folder of its results.
         fps: its own rate in frames per second; None when it states none.
