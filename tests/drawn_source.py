@@ -4,6 +4,7 @@ import functools
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -30,6 +31,7 @@ class DrawnSource:
         fails_at: index instead of which `error` is raised.
         change: applied to each frame, such as to move it.
         is_images: whether the frames are single images.
+        files: that it states to read.
         taken: indices that were read.
         pressed: commands that were received.
     """
@@ -46,6 +48,7 @@ class DrawnSource:
     height_px: int = 240
     change: Callable[[int, np.ndarray], np.ndarray] = lambda _, image: image
     is_images: bool = False
+    files: tuple[Path, ...] = ()
     taken: list[int] = field(default_factory=list)
     pressed: list[Press | Release] = field(default_factory=list)
 
@@ -55,7 +58,7 @@ class DrawnSource:
 
     @property
     def capabilities(self) -> Capabilities:
-        return Capabilities(press=self.pressed.append, is_images=self.is_images)
+        return Capabilities(press=self.pressed.append, is_images=self.is_images, files=self.files)
 
     def __iter__(self) -> Iterator[Frame]:
         for index in range(self.frames):

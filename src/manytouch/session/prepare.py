@@ -146,7 +146,7 @@ class Job:
         if (first := next(self.frames, None)) is None:
             raise ManytouchError(f"the frames of {self.text} were read already: prepare it again")
         tracked = self.pipeline.track_frames(chain((first,), self.frames), self.sensor)
-        if self.source.is_live:
+        if not self.source.capabilities.files:  # what makes frames on demand may depend on the readings
             yield from self.pipeline.estimate_readings(tracked, self.sensor, estimation)
             return
         ahead = BackgroundIterator(tracked, ahead=_AHEAD, thread_name="manytouch-track")

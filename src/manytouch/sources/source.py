@@ -96,8 +96,8 @@ class Capabilities:
 class Source(Protocol):
     """An iterable of frames; each `iter()` starts at the first frame again.
 
-    It is iterated in threads of their own, some frames ahead of what is estimated: the image of a frame must
-    not change once it was given.
+    It may be iterated in another thread, and files are read some frames ahead of what is estimated: the image
+    of a frame must not change once it was given.
 
     Attributes:
         name: stem for the folder of its results.

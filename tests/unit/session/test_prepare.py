@@ -1,7 +1,8 @@
-"""A job reads and tracks in a thread of its own, ahead of the estimation."""
+"""A job reads and tracks files in a thread of its own, ahead of the estimation."""
 
 import threading
 from collections.abc import Generator
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -13,6 +14,7 @@ from manytouch.values import Reading
 from waiting import wait_until
 
 THREAD = "manytouch-track"
+FILES = (Path(__file__),)
 
 
 def readings_of(source: DrawnSource) -> Generator[Reading, None, None]:
@@ -24,7 +26,7 @@ def is_tracking() -> bool:
 
 
 def test_frames_of_a_recording_are_tracked_while_one_is_estimated() -> None:
-    source = DrawnSource(frames=40)
+    source = DrawnSource(frames=40, files=FILES)
     readings = readings_of(source)
     for index in range(20):
         assert next(readings).frame.index == index
@@ -36,7 +38,7 @@ def test_frames_of_a_recording_are_tracked_while_one_is_estimated() -> None:
 
 
 def test_a_recording_has_the_readings_of_its_pipeline_in_order() -> None:
-    job = prepare(DrawnSource(frames=40), pitch_mm=4.0, method="perimeter")
+    job = prepare(DrawnSource(frames=40, files=FILES), pitch_mm=4.0, method="perimeter")
     readings = list(job.readings())
     alone = list(job.pipeline.run(DrawnSource(frames=40), job.sensor))
     assert [each.frame.index for each in readings] == list(range(40))
@@ -47,14 +49,16 @@ def test_a_recording_has_the_readings_of_its_pipeline_in_order() -> None:
 
 
 def test_an_error_of_the_source_reaches_the_caller_after_the_readings_before_it() -> None:
-    readings, read = readings_of(DrawnSource(frames=40, fails_at=30)), []
+    readings, read = readings_of(DrawnSource(frames=40, files=FILES, fails_at=30)), []
     with pytest.raises(ValueError, match="fell off the table"):
         read.extend(each.frame.index for each in readings)
     assert not is_tracking()
 
 
-def test_frames_of_a_live_source_are_not_read_ahead() -> None:
-    source = DrawnSource(frames=60, is_live=True)
+@pytest.mark.parametrize("is_live", [False, True])
+def test_frames_that_are_made_on_demand_are_not_taken_ahead(is_live: bool) -> None:
+    """A simulation of one's own may go on after each reading."""
+    source = DrawnSource(frames=60, is_live=is_live)
     readings = readings_of(source)
     for _ in range(20):
         reading = next(readings)
