@@ -35,12 +35,9 @@ from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     parameter_response,
     sheet_variants,
 )
+from manytouch.estimation.mechanics.marker_noise import MarkerNoise, marker_variances_px2
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState
-from manytouch.estimation.mechanics.surface_covariance import (
-    DisplacementCovariance,
-    MarkerNoise,
-    marker_variances_px2,
-)
+from manytouch.estimation.mechanics.surface_covariance import DisplacementCovariance
 from manytouch.estimation.mechanics.undescribed_frames import UndescribedFrames
 from manytouch.estimation.mechanics.view_motion import ViewMotion
 from manytouch.estimation.outlier_gate import OutlierGate
