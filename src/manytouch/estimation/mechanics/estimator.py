@@ -15,6 +15,7 @@ from manytouch.blas_threads import limit_blas_threads
 from manytouch.errors import SensorError
 from manytouch.estimation.bonded_protocol import BondedEstimator
 from manytouch.estimation.contact_tracker import ContactTracker
+from manytouch.estimation.excess_noise import ExcessNoise
 from manytouch.estimation.mechanics.clusters.evidence import ForcePosterior
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, EarlierClusters, ForceClusters
 from manytouch.estimation.mechanics.clusters.friction_fits import Friction, FrictionFits
@@ -35,7 +36,7 @@ from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     parameter_response,
     sheet_variants,
 )
-from manytouch.estimation.mechanics.marker_noise import MarkerNoise, marker_variances_px2
+from manytouch.estimation.mechanics.marker_noise import MarkerNoise, marker_variances_px2, with_excess
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState
 from manytouch.estimation.mechanics.surface_covariance import DisplacementCovariance
 from manytouch.estimation.mechanics.undescribed_frames import UndescribedFrames
@@ -59,6 +60,7 @@ class MechanicsEstimator:
     Attributes:
         nominal_sheet: properties of a sheet that the sensor does not state.
         marker_noise: standard deviations of marker images.
+        excess_noise: noise that the detection of markers does not know of.
         outlier_gate: weights of the markers.
         view_motion: motion of the whole image.
         gauss_newton: the inversion.
@@ -79,6 +81,7 @@ class MechanicsEstimator:
 
     nominal_sheet: NominalSheet = field(default_factory=NominalSheet)
     marker_noise: MarkerNoise = field(default_factory=MarkerNoise)
+    excess_noise: ExcessNoise = field(default_factory=ExcessNoise)
     outlier_gate: OutlierGate = field(default_factory=OutlierGate)
     view_motion: ViewMotion = field(default_factory=ViewMotion)
     gauss_newton: GaussNewton = field(default_factory=GaussNewton)
@@ -134,25 +137,21 @@ class MechanicsEstimator:
             reference_px=read_only(at_rest_px.copy()),
             pitch_px=pitch_px,
             model_std_px=model_std_px,
+            excess_noise=self.excess_noise.start(len(layout.rest_mm)),
             shape=shape,
-            posterior=None,
-            posterior_frames=0,
-            posterior_worst_chi2=0.0,
             pretension=pretension,
             variants=sheet_variants(model, sheet),
-            response=None,
-            response_is_due=False,
             previous=EarlierClusters.none(),
             slip=SlipState(),
             tracks=self.contact_tracker.start(sensor),
             without_sheet=self.undescribed_frames.start(sensor),
-            undescribed=0,
         )
 
     def step(self, state: Any, grid: TrackedGrid) -> tuple[Any, Surface, Contacts]:
         """Surface and contacts of the next frame. It never raises; an unusable frame has a status."""
         if self.pad is not None and not isinstance(state, MechanicsState):
             return self.pad.step(state, grid)
+        state = replace(state, excess_noise=self.excess_noise.observe(state.excess_noise, grid))
         model, rules = state.model, self.undescribed_frames
         if model.is_assumed:
             state = replace(state, without_sheet=rules.step(state.without_sheet, grid))
@@ -161,10 +160,13 @@ class MechanicsEstimator:
         if not rules.is_fitted(model, state.undescribed, grid, state.reference_px):
             return self._step_undescribed(state.at_rest(), grid)
         std_px = rules.model_std_px(model, grid, state.reference_px, state.model_std_px)
+        grid = with_excess(grid, state.excess_noise.variance_px2)
         fit = self.fit_frame(replace(state, model_std_px=std_px), grid)
+        residuals = fit.residual_px, self.marker_noise.rough_px2(grid, std_px), grid.is_seen, state.neighbours
+        excess = self.excess_noise.update(state.excess_noise, *residuals)
         is_described = rules.describes(model, fit, grid, state.reference_px, state.pitch_px)
         if is_described and (state.undescribed == 0 or rules.shows(model, fit, grid)):
-            return self._step_described(replace(state, undescribed=0), grid, fit)
+            return self._step_described(replace(state, undescribed=0, excess_noise=excess), grid, fit)
         is_lost = fit.status is not Status.OK or (model.is_assumed and not is_described)
         state = state.at_rest() if is_lost else state.with_fit(fit)
         if model.is_assumed or state.undescribed >= rules.wait_frames:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from manytouch.estimation.contact_tracker import ContactTrackerState
+from manytouch.estimation.excess_noise import ExcessNoiseState
 from manytouch.estimation.mechanics.clusters.force_clusters import EarlierClusters, PreviousContacts
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, SheetShape
@@ -35,6 +36,7 @@ class MechanicsState:
         initial_reference_px, reference_px: (m, 2) marker images at rest, at the start and now.
         pitch_px: pitch in the image.
         model_std_px: standard deviation of a marker image by the errors of model and rest position.
+        excess_noise: that the detection of markers does not know of.
         shape: of the previous frame.
         posterior: of the last frame with a full or a reweighted step; None before the first.
         posterior_frames: number of frames since then.
@@ -60,19 +62,20 @@ class MechanicsState:
     reference_px: Points2
     pitch_px: float
     model_std_px: float
+    excess_noise: ExcessNoiseState
     shape: SheetShape
-    posterior: Posterior | None
-    posterior_frames: int
-    posterior_worst_chi2: float
+    posterior: Posterior | None = None
+    posterior_frames: int = 0
+    posterior_worst_chi2: float = 0.0
     pretension: PretensionEstimate
     variants: tuple[SheetVariant, ...]
-    response: ParameterResponse | None
-    response_is_due: bool
+    response: ParameterResponse | None = None
+    response_is_due: bool = False
     previous: EarlierClusters
     slip: SlipState
     tracks: ContactTrackerState
     without_sheet: WithoutSheet
-    undescribed: int
+    undescribed: int = 0
 
     @property
     def touching_mm(self) -> Points2:

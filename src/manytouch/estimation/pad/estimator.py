@@ -14,6 +14,7 @@ from jaxtyping import Float64
 
 from manytouch.blas_threads import limit_blas_threads
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
+from manytouch.estimation.excess_noise import ExcessNoise, ExcessNoiseState
 from manytouch.estimation.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
 from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.pad.contacts.pad_contacts import PadContacts
@@ -23,13 +24,7 @@ from manytouch.estimation.pad.pad_model import MIN_MARKERS, BondedPadModel, Nomi
 from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter, misfit_scale, nodal_of
 from manytouch.estimation.pad.patch_kernels import Profile
 from manytouch.estimation.pad.patch_search import PatchCandidates, PatchSearch, ProfileChoice
-from manytouch.estimation.pad.patches import (
-    NO_PATCHES,
-    Patches,
-    halved_or_wider,
-    joined,
-    nearest_pair,
-)
+from manytouch.estimation.pad.patches import NO_PATCHES, Patches, halved_or_wider, joined, nearest_pair
 from manytouch.estimation.perimeter.marker_surface import unknown_surface
 from manytouch.estimation.reference_drift import ReferenceDrift
 from manytouch.estimation.slip_detector import SlipDetector, SlipState
@@ -54,8 +49,9 @@ class PadState:
         initial_reference_px, reference_px: (m, 2) marker images at rest, at the start and now.
         patches: of the last frame.
         displacement_mm: (m, 3) of the markers in the last frame.
-        refused_misfit: misfit of the frame in which another contact or profile was last tried in vain. 0:
-            none was, so that everything is tried in the next frame that may explain it better.
+        excess_noise: that the detection of markers does not know of.
+        refused_misfit: misfit of the frame in which another contact or profile was last tried in vain; 0
+            if none was.
         slip, tracks: of the contacts.
     """
 
@@ -64,12 +60,13 @@ class PadState:
     neighbours: Neighbours
     around: Float64[np.ndarray, "m m"]
     groups: MarkerGroups
-    touch: TouchMemory
+    touch: TouchMemory = field(default_factory=TouchMemory)
     initial_reference_px: Points2
     reference_px: Points2
-    patches: Patches
+    patches: Patches = NO_PATCHES
     displacement_mm: np.ndarray
-    refused_misfit: float
+    excess_noise: ExcessNoiseState
+    refused_misfit: float = 0.0
     slip: SlipState
     tracks: ContactTrackerState
 
@@ -84,6 +81,7 @@ class PadEstimator:
         search: of new patches.
         profile_choice: tries other profiles and widths of the patches.
         image_error: errors of the marker images that the model does not explain.
+        excess_noise: noise that the detection of markers does not know of.
         outlier_gate: weights of the markers.
         pad_contacts: contacts with their covariances.
         contact_tracker: identities of contacts.
@@ -119,6 +117,7 @@ class PadEstimator:
     search: PatchSearch = field(default_factory=PatchSearch)
     profile_choice: ProfileChoice = field(default_factory=ProfileChoice)
     image_error: ImageError = field(default_factory=ImageError)
+    excess_noise: ExcessNoise = field(default_factory=ExcessNoise)
     outlier_gate: OutlierGate = field(default_factory=OutlierGate)
     pad_contacts: PadContacts = field(default_factory=PadContacts)
     contact_tracker: ContactTracker = field(
@@ -156,12 +155,10 @@ class PadEstimator:
             neighbours=nearest_neighbours(layout.rest_mm[:, :2]),
             around=self.image_error.weights(model),
             groups=marker_groups(layout.rest_mm[:, :2], model.pitch_mm),
-            touch=TouchMemory(),
             initial_reference_px=read_only(at_rest_px.copy()),
             reference_px=read_only(at_rest_px.copy()),
-            patches=NO_PATCHES,
             displacement_mm=read_only(np.zeros((len(layout.rest_mm), 3))),
-            refused_misfit=0.0,
+            excess_noise=self.excess_noise.start(len(layout.rest_mm)),
             slip=SlipState(),
             tracks=self.contact_tracker.start(sensor),
         )
@@ -173,6 +170,7 @@ class PadEstimator:
             status = Status.FEW_MARKERS if grid.status is Status.OK else grid.status
             tracks, contacts = self.contact_tracker.step(state.tracks, (), status=status)
             return replace(state, tracks=tracks), unknown_surface(model.layout, status), contacts
+        state = replace(state, excess_noise=self.excess_noise.observe(state.excess_noise, grid))
         measured, touch = self._measured(state, grid), state.touch
         fit, refused_misfit = self._fit_contacts(state, measured)
         shape = pad_shape(model, fit)
@@ -205,6 +203,9 @@ class PadEstimator:
             state,
             patches=fit.patches,
             displacement_mm=read_only(fit.marker_mm(model)),
+            excess_noise=self.excess_noise.update(
+                state.excess_noise, *fit.marker_residuals(), fit.weight[::2] > 0.0, state.neighbours
+            ),
             refused_misfit=refused_misfit,
             touch=touch,
             slip=slip,
@@ -319,22 +320,22 @@ class PadEstimator:
         moved_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
         linear_px = np.einsum("mij,mj->mi", state.model.slope_px, state.displacement_mm)
         noise_px2 = np.where(grid.is_seen, 0.5 * np.trace(grid.covariance_px2, axis1=1, axis2=2), 1.0)
+        noise_px2 += state.excess_noise.variance_px2
         larger_px2 = np.maximum((moved_px**2).sum(axis=1), (linear_px**2).sum(axis=1))
         std_px = np.sqrt(noise_px2 + self.image_error(state.model, state.around, larger_px2))
         # a marker that moves like its neighbours is no outlier, also where the model does not explain it:
         # else those under a contact would be lost first
-        gate = np.maximum(
-            *(
-                self.outlier_gate(innovation_px, std_px, grid.is_seen, state.neighbours.index)
-                for innovation_px in (moved_px - linear_px, moved_px)
-            )
-        )
+        neighbour = state.neighbours.index
+        gates = [
+            self.outlier_gate(each, std_px, grid.is_seen, neighbour)
+            for each in (moved_px - linear_px, moved_px)
+        ]
         moved_mm = state.model.pitch_mm / state.model.pitch_px * moved_px
         local_pitch = float(self.local_motion(state.groups, moved_mm, grid.is_seen).max())
         noise_pitch = float(np.sqrt(median(noise_px2[grid.is_seen]))) / state.model.pitch_px
         return MeasuredImages(
             moved_px=moved_px,
-            gate=gate,
+            gate=np.maximum(*gates),
             noise_px2=noise_px2,
             around=state.around,
             local_pitch=local_pitch,

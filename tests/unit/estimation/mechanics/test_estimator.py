@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from bent_sheets import COLUMNS, PITCH_MM, ROWS, YOUNG_MPA, bent, grid_of, sensor_of
+from compressed_video import Unaware, held_dots
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation import MechanicsEstimator, PerimeterEstimator
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
@@ -294,6 +295,19 @@ def test_noise_at_rest_makes_no_contacts(model: InversionModel) -> None:
     for k in range(30):
         state, _, contacts = ESTIMATE.step(state, grid_of(model, flat, noise_px=0.05, seed=k))
         assert not contacts.touching
+
+
+def test_dots_that_compressed_video_displaces_widen_the_deviations(model: InversionModel) -> None:
+    flat = np.zeros((model.patch.node_count, 3))
+    frames = held_dots(grid_of(model, flat, noise_px=0.005, seed=1), 20, 0.2)
+    std_mm = []
+    for estimate in (ESTIMATE, replace(ESTIMATE, excess_noise=Unaware())):
+        state = estimate.start(sensor_of())
+        for grid in frames:
+            state, surface, contacts = estimate.step(state, grid)
+            assert not contacts.touching
+        std_mm.append(np.median(np.sqrt(surface.covariance_mm2[:, 2, 2])))
+    assert std_mm[0] > 2.0 * std_mm[1]
 
 
 def test_the_reference_follows_creep_and_not_a_steady_press(model: InversionModel) -> None:

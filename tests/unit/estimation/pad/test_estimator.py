@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bonded_pad import POISSON, THICKNESS_MM, YOUNG_MPA, RigidFace, pad_sensor, seen_px
+from compressed_video import Unaware, held_dots
 from layouts import grid_at
 from manytouch import sample
 from manytouch.errors import LayoutError, SensorError
@@ -55,6 +56,18 @@ def test_nothing_touches_a_pad_at_rest(pad_state: PadState) -> None:
     _, surface, contacts = steps(pad_state, seen_px(pad_sensor()))
     assert not contacts.contacts
     assert np.abs(surface.displacement_mm).max() < 1e-3
+
+
+def test_dots_that_compressed_video_displaces_weigh_less(pad_state: PadState) -> None:
+    frames = held_dots(grid_at(pressed_px(pad_state, ONE), std_px=0.005), 20, 0.03)
+    weight = []
+    for estimate in (ESTIMATE, replace(ESTIMATE, excess_noise=Unaware())):
+        state = pad_state
+        for grid in frames:
+            state, _, contacts = estimate.step(state, grid)
+        assert len(contacts.touching) == 1
+        weight.append(estimate.fit_frame(state, grid).weight)
+    assert np.median(weight[0]) < 0.5 * np.median(weight[1])
 
 
 @pytest.mark.parametrize("moved_px", [(0.5, 0.5), (3.0, 0.0)])
