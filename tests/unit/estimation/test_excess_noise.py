@@ -54,14 +54,33 @@ def test_markers_that_stay_exactly_where_they_were_show_that_a_video_is_compress
     state = observed(noise, frames)
     assert state.is_compressed
     assert state.variance_px2 == noise.compressed_std_px**2
-    still = observed(noise, [*frames, *[frames[0] + 0.2 * k for k in range(40)]])
-    assert still.is_compressed
+    rough = replace(state, variance_px2=0.01)
+    for k in range(40):
+        rough = noise.observe(rough, grid_at(frames[0] + 0.2 * k * (PLACE > 200.0)))
+    assert rough.is_compressed
+    assert rough.variance_px2 == 0.01
 
 
 def test_the_same_picture_again_does_not_show_that_a_video_is_compressed() -> None:
     random, noise = np.random.default_rng(2), ExcessNoise()
     own = [PLACE + random.normal(0.0, STD_PX, PLACE.shape) for _ in range(20)]
-    assert not observed(noise, [each for each in own for _ in range(3)]).is_compressed
+    twice = [each for each in own for _ in range(3)]
+    assert not observed(noise, twice).is_compressed
+    held = [np.where(PLACE[:, :1] > 200.0, each, own[0]) for each in own]
+    assert observed(noise, [*twice, *held]).is_compressed
+
+
+def test_markers_that_nothing_moves_in_pictures_without_noise_do_not_show_that_a_video_is_compressed() -> (
+    None
+):
+    noise, pressed = ExcessNoise(), PLACE.copy()
+    frames = [PLACE] * (noise.noiseless_frames + 1)
+    for _ in range(20):
+        pressed = pressed.copy()
+        pressed[:30] += 0.1
+        frames.append(pressed)
+    assert not observed(noise, frames).is_compressed
+    assert observed(noise, frames[2:]).is_compressed
 
 
 @pytest.mark.parametrize("std_px", [0.03, 0.1])
