@@ -21,12 +21,15 @@ class MarkerTracks:
         position_px: (k, m, 2), NaN where not seen.
         area_px2: (k, m) of the dots, NaN where not seen.
         contrast: (k,) median grey levels between dots and background.
+        compression_std_px: additional error of the centres along an axis if the frames are those of
+            compressed video (`tracking.held_markers`), else 0.
     """
 
     timestamp_ns: Int64[np.ndarray, " k"]
     position_px: Float64[np.ndarray, "k m 2"]
     area_px2: Float64[np.ndarray, "k m"]
     contrast: Float64[np.ndarray, " k"]
+    compression_std_px: float
 
     @property
     def is_seen(self) -> Bool[np.ndarray, "k m"]:
@@ -40,6 +43,7 @@ class MarkerTracks:
             position_px=self.position_px[chosen],
             area_px2=self.area_px2[chosen],
             contrast=self.contrast[chosen],
+            compression_std_px=self.compression_std_px,
         )
 
     def motion_px(self, rest_px: Float64[np.ndarray, "m 2"]) -> Float64[np.ndarray, " k"]:
@@ -62,9 +66,10 @@ class MarkerTracks:
 def track_markers(sensor: Sensor, frames: Iterable[Frame], roi_px: Roi | None = None) -> MarkerTracks:
     """Track the markers of a sensor that was registered to the recording (see `register_rest`)."""
     detect, track = DotSearch(roi_px=roi_px), MarkerTracker(roi_px=roi_px)
-    times, places, areas, contrasts = [], [], [], []
+    times, places, areas, contrasts, is_compressed = [], [], [], [], False
     for tracked in track_frames(detect, track, frames, sensor):
         grid, contrast = tracked.grid, tracked.detections.contrast
+        is_compressed = grid.is_compressed
         times.append(tracked.frame.timestamp_ns)
         places.append(grid.position_px)
         areas.append(np.full(len(grid.is_seen), np.nan) if grid.area_px2 is None else grid.area_px2)
@@ -74,4 +79,5 @@ def track_markers(sensor: Sensor, frames: Iterable[Frame], roi_px: Roi | None = 
         position_px=np.array(places),
         area_px2=np.array(areas),
         contrast=np.array(contrasts),
+        compression_std_px=track.held_markers.std_px if is_compressed else 0.0,
     )

@@ -6,7 +6,7 @@ a wrong guess costs time, but causes no wrong identity, and the pattern is found
 it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import sqrt
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ import numpy as np
 from manytouch.compilation import plain
 from manytouch.errors import SensorError
 from manytouch.geometry.refraction import rest_px
+from manytouch.tracking.held_markers import HeldMarkers, HeldMarkersState
 from manytouch.tracking.lattice_graph import (
     EXTERIOR_HIDDEN,
     EXTERIOR_VISIBLE,
@@ -73,6 +74,7 @@ class MarkerTrackerState:
         appearance: (m, 2) usual relative area and contrast of each marker's dot; NaN: not known.
         appearance_difference: (2,) usual mean difference of a frame's dots from that.
         learned_frames: number of frames that the appearance was learned from.
+        held: which markers stayed where they were.
         needs_full_search: whether the last frame has to be searched again as a whole, since it showed fewer
             markers than the one before, or they moved farther than the windows reach.
     """
@@ -91,6 +93,7 @@ class MarkerTrackerState:
     appearance: np.ndarray
     appearance_difference: np.ndarray
     learned_frames: int
+    held: HeldMarkersState
     needs_full_search: bool
 
     def for_matching(self) -> MatchingState:
@@ -121,6 +124,7 @@ class MarkerTracker:
             searched in windows only.
         least_share: least share of the markers that must be seen; below it the status is few_markers.
         roi_px: region of interest that is searched for dots, in pixels; None: the whole image.
+        held_markers: notices compressed video.
     """
 
     damping: float = 0.5
@@ -129,6 +133,7 @@ class MarkerTracker:
     window_share: float = 0.97
     least_share: float = 0.5
     roi_px: Roi | None = None
+    held_markers: HeldMarkers = field(default_factory=HeldMarkers)
 
     def start(self, sensor: Sensor) -> MarkerTrackerState:
         """The state before the first frame, with the layout's reference centres.
@@ -167,6 +172,7 @@ class MarkerTracker:
             appearance=read_only(np.full((len(rest), APPEARANCE_QUANTITIES), np.nan)),
             appearance_difference=_unknown_difference(),
             learned_frames=0,
+            held=self.held_markers.start(len(rest)),
             needs_full_search=False,
         )
 
@@ -272,6 +278,7 @@ class MarkerTracker:
             appearance=appearance,
             appearance_difference=difference,
             learned_frames=state.learned_frames + int(is_good),
+            held=self.held_markers.step(state.held, measured.position_px, measured.covariance_px2),
             needs_full_search=few or motion > _MOST_MOTION_SPACINGS,
         ), measured
 
@@ -337,6 +344,7 @@ def _tracked_grid(after: MarkerTrackerState, measured: "Measurements | None", st
             frames_unseen=after.frames_unseen,
             area_px2=read_only(np.full(markers, np.nan)),
             status=status,
+            is_compressed=after.held.is_compressed,
         )
     return TrackedGrid(
         position_px=read_only(measured.position_px),
@@ -345,4 +353,5 @@ def _tracked_grid(after: MarkerTrackerState, measured: "Measurements | None", st
         frames_unseen=after.frames_unseen,
         area_px2=read_only(measured.area_px2),
         status=status,
+        is_compressed=after.held.is_compressed,
     )

@@ -12,7 +12,7 @@ class TrackedGrid:
 
     Attributes:
         position_px: (m, 2) measured centres x, y; NaN where not seen.
-        covariance_px2: (m, 2, 2); NaN where not seen.
+        covariance_px2: (m, 2, 2), also of errors by compression where `is_compressed`; NaN where not seen.
         is_seen: (m,) false also where the identity of the dot is doubtful.
         frames_unseen: (m,) number of successive frames up to this one in which the marker was not seen; 0
             where seen. One that was never seen, also because it is known to be missing, counts from the first
@@ -24,6 +24,8 @@ class TrackedGrid:
             the method gives no new identities: only `paper` does.
         status: that of the detections if it is not `OK`; else `AMBIGUOUS_SHIFT`, `FEW_MARKERS` or `OK`. The
             method `paper` has `MANY_MARKERS` instead of `AMBIGUOUS_SHIFT`.
+        is_compressed: whether markers that stayed exactly where they were have shown that these are pictures
+            of compressed video. A recording does not keep it, and `paper` does not notice it.
     """
 
     position_px: Points2
@@ -34,6 +36,7 @@ class TrackedGrid:
     lost_ids: int | None = None
     new_ids: int | None = None
     status: Status = Status.OK
+    is_compressed: bool = False
 
     __reduce__ = reduced
 

@@ -68,6 +68,9 @@ def test_merged_markers_are_where_the_whole_camera_shows_them(sensor: Sensor) ->
     blind = replace(grids[1], is_seen=np.zeros_like(grids[1].is_seen), status=Status.FEW_MARKERS)
     half = merged_grid(views, [grids[0], blind], len(layout.rest_mm))
     assert half.status is Status.FEW_MARKERS
+    assert not half.is_compressed
+    one = merged_grid(views, [grids[0], replace(grids[1], is_compressed=True)], len(layout.rest_mm))
+    assert one.is_compressed
     assert np.array_equal(half.is_seen, view_of(sensor.camera, layout.rest_mm) == 0)
 
 

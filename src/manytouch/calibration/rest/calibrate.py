@@ -22,6 +22,7 @@ from manytouch.geometry.camera import project
 from manytouch.geometry.centre_noise import LEAST_FRAMES, centre_noise_px
 from manytouch.geometry.refraction import onto_plane_through_window, project_through_window, rest_px
 from manytouch.limits import sheet_mistake
+from manytouch.tracking import COMPRESSED_VIDEO
 from manytouch.tracking.lattice.find import local_spacing
 from manytouch.values import Camera, Frame, Layout, Roi, Sensor, Sheet
 from manytouch.values.arrays import Mask, Points2, read_only
@@ -307,7 +308,7 @@ def _with_measured_radius(
 
 
 def _noise_px(seen: MarkerTracks, is_used: np.ndarray) -> float:
-    """Median noise of the markers (`geometry.centre_noise`)."""
+    """Median noise of the markers (`geometry.centre_noise`), and what compressed video adds to it."""
     noise = centre_noise_px(seen.position_px[:, is_used])
     noise = noise[np.isfinite(noise)]
     if len(noise) == 0:
@@ -315,7 +316,7 @@ def _noise_px(seen: MarkerTracks, is_used: np.ndarray) -> float:
             f"the noise of the markers needs at least {LEAST_FRAMES} frames in which they are seen: record "
             "two seconds without a touch"
         )
-    return max(float(np.median(noise)), LEAST_NOISE_PX)
+    return max(float(np.hypot(np.median(noise), seen.compression_std_px)), LEAST_NOISE_PX)
 
 
 def _warnings(
@@ -343,6 +344,8 @@ def _warnings(
             f"a marker moved by {drift:.2f} px between the first and the last of the frames that were used: "
             "if the sheet was touched, record two seconds without touching it, and repeat"
         )
+    if seen.compression_std_px > 0.0:
+        sentences.append(COMPRESSED_VIDEO)
     contrast = float(np.nanmedian(seen.contrast))
     if contrast < MIN_CONTRAST_GREY:
         sentences.append(

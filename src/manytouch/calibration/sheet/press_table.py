@@ -204,11 +204,11 @@ def track_presses(sensor: Sensor, frames: Sequence[Frame]) -> PressRecording:
     tracks = track_markers(register_rest(sensor, frames[:UNTOUCHED_FRAMES]), frames)
     first = np.arange(len(tracks.timestamp_ns)) < UNTOUCHED_FRAMES
     noise = centre_noise_px(tracks.position_px[first])
-    noise = noise[np.isfinite(noise)]
+    noise_px = float(np.median(noise[np.isfinite(noise)])) if np.isfinite(noise).any() else 0.0
     return PressRecording(
         tracks=tracks,
         rest_px=tracks.median_px(first),
-        noise_px=float(np.median(noise)) if len(noise) else 0.0,
+        noise_px=float(np.hypot(noise_px, tracks.compression_std_px)),
     )
 
 

@@ -137,7 +137,6 @@ class MechanicsEstimator:
             reference_px=read_only(at_rest_px.copy()),
             pitch_px=pitch_px,
             model_std_px=model_std_px,
-            excess_noise=self.excess_noise.start(len(layout.rest_mm)),
             shape=shape,
             pretension=pretension,
             variants=sheet_variants(model, sheet),
@@ -151,7 +150,6 @@ class MechanicsEstimator:
         """Surface and contacts of the next frame. It never raises; an unusable frame has a status."""
         if self.pad is not None and not isinstance(state, MechanicsState):
             return self.pad.step(state, grid)
-        state = replace(state, excess_noise=self.excess_noise.observe(state.excess_noise, grid))
         model, rules = state.model, self.undescribed_frames
         if model.is_assumed:
             state = replace(state, without_sheet=rules.step(state.without_sheet, grid))
@@ -160,13 +158,13 @@ class MechanicsEstimator:
         if not rules.is_fitted(model, state.undescribed, grid, state.reference_px):
             return self._step_undescribed(state.at_rest(), grid)
         std_px = rules.model_std_px(model, grid, state.reference_px, state.model_std_px)
-        grid = with_excess(grid, state.excess_noise.variance_px2)
+        grid = with_excess(grid, state.excess_px2)
         fit = self.fit_frame(replace(state, model_std_px=std_px), grid)
         residuals = fit.residual_px, self.marker_noise.rough_px2(grid, std_px), grid.is_seen, state.neighbours
-        excess = self.excess_noise.update(state.excess_noise, *residuals)
+        excess_px2 = self.excess_noise.after_fit(state.excess_px2, *residuals)
         is_described = rules.describes(model, fit, grid, state.reference_px, state.pitch_px)
         if is_described and (state.undescribed == 0 or rules.shows(model, fit, grid)):
-            return self._step_described(replace(state, undescribed=0, excess_noise=excess), grid, fit)
+            return self._step_described(replace(state, undescribed=0, excess_px2=excess_px2), grid, fit)
         is_lost = fit.status is not Status.OK or (model.is_assumed and not is_described)
         state = state.at_rest() if is_lost else state.with_fit(fit)
         if model.is_assumed or state.undescribed >= rules.wait_frames:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from manytouch.estimation.contact_tracker import ContactTrackerState
-from manytouch.estimation.excess_noise import ExcessNoiseState
 from manytouch.estimation.mechanics.clusters.force_clusters import EarlierClusters, PreviousContacts
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, SheetShape
@@ -36,7 +35,7 @@ class MechanicsState:
         initial_reference_px, reference_px: (m, 2) marker images at rest, at the start and now.
         pitch_px: pitch in the image.
         model_std_px: standard deviation of a marker image by the errors of model and rest position.
-        excess_noise: that the detection of markers does not know of.
+        excess_px2: variance of the marker images that their detection does not know of, along an axis.
         shape: of the previous frame.
         posterior: of the last frame with a full or a reweighted step; None before the first.
         posterior_frames: number of frames since then.
@@ -62,7 +61,7 @@ class MechanicsState:
     reference_px: Points2
     pitch_px: float
     model_std_px: float
-    excess_noise: ExcessNoiseState
+    excess_px2: float = 0.0
     shape: SheetShape
     posterior: Posterior | None = None
     posterior_frames: int = 0

@@ -14,7 +14,7 @@ from jaxtyping import Float64
 
 from manytouch.blas_threads import limit_blas_threads
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
-from manytouch.estimation.excess_noise import ExcessNoise, ExcessNoiseState
+from manytouch.estimation.excess_noise import ExcessNoise
 from manytouch.estimation.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
 from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.pad.contacts.pad_contacts import PadContacts
@@ -49,7 +49,7 @@ class PadState:
         initial_reference_px, reference_px: (m, 2) marker images at rest, at the start and now.
         patches: of the last frame.
         displacement_mm: (m, 3) of the markers in the last frame.
-        excess_noise: that the detection of markers does not know of.
+        excess_px2: variance of the marker images that their detection does not know of, along an axis.
         refused_misfit: misfit of the frame in which another contact or profile was last tried in vain; 0
             if none was.
         slip, tracks: of the contacts.
@@ -65,7 +65,7 @@ class PadState:
     reference_px: Points2
     patches: Patches = NO_PATCHES
     displacement_mm: np.ndarray
-    excess_noise: ExcessNoiseState
+    excess_px2: float = 0.0
     refused_misfit: float = 0.0
     slip: SlipState
     tracks: ContactTrackerState
@@ -158,7 +158,6 @@ class PadEstimator:
             initial_reference_px=read_only(at_rest_px.copy()),
             reference_px=read_only(at_rest_px.copy()),
             displacement_mm=read_only(np.zeros((len(layout.rest_mm), 3))),
-            excess_noise=self.excess_noise.start(len(layout.rest_mm)),
             slip=SlipState(),
             tracks=self.contact_tracker.start(sensor),
         )
@@ -170,7 +169,6 @@ class PadEstimator:
             status = Status.FEW_MARKERS if grid.status is Status.OK else grid.status
             tracks, contacts = self.contact_tracker.step(state.tracks, (), status=status)
             return replace(state, tracks=tracks), unknown_surface(model.layout, status), contacts
-        state = replace(state, excess_noise=self.excess_noise.observe(state.excess_noise, grid))
         measured, touch = self._measured(state, grid), state.touch
         fit, refused_misfit = self._fit_contacts(state, measured)
         shape = pad_shape(model, fit)
@@ -203,8 +201,8 @@ class PadEstimator:
             state,
             patches=fit.patches,
             displacement_mm=read_only(fit.marker_mm(model)),
-            excess_noise=self.excess_noise.update(
-                state.excess_noise, *fit.marker_residuals(), fit.weight[::2] > 0.0, state.neighbours
+            excess_px2=self.excess_noise.after_fit(
+                state.excess_px2, *fit.marker_residuals(), fit.weight[::2] > 0.0, state.neighbours
             ),
             refused_misfit=refused_misfit,
             touch=touch,
@@ -320,7 +318,7 @@ class PadEstimator:
         moved_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
         linear_px = np.einsum("mij,mj->mi", state.model.slope_px, state.displacement_mm)
         noise_px2 = np.where(grid.is_seen, 0.5 * np.trace(grid.covariance_px2, axis1=1, axis2=2), 1.0)
-        noise_px2 += state.excess_noise.variance_px2
+        noise_px2 += state.excess_px2
         larger_px2 = np.maximum((moved_px**2).sum(axis=1), (linear_px**2).sum(axis=1))
         std_px = np.sqrt(noise_px2 + self.image_error(state.model, state.around, larger_px2))
         # a marker that moves like its neighbours is no outlier, also where the model does not explain it:

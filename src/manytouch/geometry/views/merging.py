@@ -59,6 +59,7 @@ def merged_grid(views: Sequence[ViewSensor], grids: Sequence[TrackedGrid], marke
         lost_ids=_sum([grid.lost_ids for grid in grids]),
         new_ids=_sum([grid.new_ids for grid in grids]),
         status=next((grid.status for grid in grids if grid.status is not Status.OK), Status.OK),
+        is_compressed=any(grid.is_compressed for grid in grids),
     )
 
 

@@ -20,6 +20,7 @@ from manytouch.sinks.files.rest.end_shift import EndShift
 from manytouch.sinks.files.rest.rest_noise import RestNoise
 from manytouch.sinks.files.sensor_description import estimated_pretension, layout_of, sensor_to_dict, view_mm
 from manytouch.sinks.files.tables import WITHOUT_SHEET, method_of
+from manytouch.tracking.held_markers import COMPRESSED_VIDEO
 from manytouch.values import LengthUnit, Reading, Roi, Sensor, SheetSpline, Status
 from manytouch.values.display.text import count_of
 
@@ -58,6 +59,7 @@ class Summary:
         self._end = EndShift(sensor)
         self._seen_count = np.zeros(markers, dtype=np.int64)
         self._status: Counter[Status] = Counter()
+        self._is_compressed = False
         self._contacts: set[int] = set()
         self._most_at_once = 0
         self._frames_touched = 0
@@ -78,6 +80,7 @@ class Summary:
         self._end.add(reading)
         self._seen_count += reading.grid.is_seen
         self._status[reading.status] += 1
+        self._is_compressed |= reading.grid.is_compressed
         self._contacts.update(contact.id for contact in touching)
         self._most_at_once = max(self._most_at_once, len(touching))
         self._frames_touched += bool(touching)
@@ -206,6 +209,8 @@ class Summary:
         for sentence in found if isinstance(found, list | tuple) else ():
             sentences.append(f"the sensor file was made with a warning: {sentence}")
         sentences += [*self._added, *self._rest_warnings(), *self.forces.warnings(self._sensor)]
+        if self._is_compressed:
+            sentences.append(COMPRESSED_VIDEO)
         sentences += self._coarse_pitch() + self._end.warnings(self.noise_px["median"])
         if self._recording.get("warning") is not None:
             sentences.append(str(self._recording["warning"]))

@@ -20,6 +20,7 @@ from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.scene.deformation import flat
 from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.simulator import Simulator
+from manytouch.tracking import COMPRESSED_VIDEO
 from manytouch.values import Sheet
 from manytouch.values.sensor_file.read import load_sensor
 from manytouch.values.sensor_file.write import save_sensor
@@ -241,6 +242,19 @@ def test_dots_out_of_focus_are_odd(rested, tilted_frames):
     width = float(re.search(r"edges are ([\d.]+) px wide", sentence).group(1))
     # a straight step under a Gaussian rises from 15 to 85 % within 2.07 deviations, a disc's a little sooner
     assert width == pytest.approx(2.07 * 3.5, rel=0.25)
+
+
+def test_compressed_video_is_a_warning_and_adds_to_the_noise(rested, tilted_frames):
+    held = [tilted_frames[0]]
+    for frame in tilted_frames[1:]:
+        image = frame.image.copy()
+        image[:, :640] = held[-1].image[:, :640]
+        held.append(replace(frame, image=image))
+    found = calibrate_rest(camera_only(tilted_sensor()), held, pitch_mm=4.0)
+    assert COMPRESSED_VIDEO in found.warnings
+    assert COMPRESSED_VIDEO not in rested.warnings
+    assert 0.05 < found.noise_px < 0.1
+    assert found.sensor.centre_noise_px == found.noise_px
 
 
 def test_pressed_frames_are_left_out_and_reported(rested, tilted_frames):

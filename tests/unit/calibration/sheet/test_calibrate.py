@@ -13,7 +13,7 @@ from clips import write_video
 from manytouch.calibration.sheet.calibrate import calibrate_sheet
 from manytouch.calibration.sheet.fit import KnownPress, disc
 from manytouch.calibration.sheet.press_plan import places_mm, probing_gcode, weight_table
-from manytouch.calibration.sheet.press_table import measure_presses, read_press_table
+from manytouch.calibration.sheet.press_table import measure_presses, read_press_table, track_presses
 from manytouch.cli import main
 from manytouch.design.deflection import fingertip
 from manytouch.errors import SensorError, SourceError
@@ -269,6 +269,13 @@ def test_presses_are_read_from_a_recording(tmp_path):
     assert near.max() < 25.0
     assert 0.01 <= press.noise_px < 0.05
     shown = open_source(f"sim:{scene}").simulator
+    held, random = [shown.frame(0)], np.random.default_rng(5)
+    for index in range(1, 16):
+        image = shown.frame(index).image
+        image = np.clip(image + random.normal(0.0, 2.0, image.shape).round(), 0, 255).astype(np.uint8)
+        image[:, :640] = held[-1].image[:, :640]
+        held.append(replace(held[0], index=index, timestamp_ns=index, image=image))
+    assert 0.05 < track_presses(sensor, held).noise_px < 0.1  # half of the dots stay, as in compressed video
     images = [cv2.cvtColor(shown.frame(index).image, cv2.COLOR_GRAY2BGR) for index in range(16)]
     write_video(tmp_path / "short.avi", images)
     table.write_text("input,time_s,x_mm,y_mm\nshort.avi,60,14,-8\n")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bent_sheets import COLUMNS, PITCH_MM, ROWS, YOUNG_MPA, bent, grid_of, sensor_of
-from compressed_video import Unaware, held_dots
+from displaced_dots import Unaware, displaced_dots
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation import MechanicsEstimator, PerimeterEstimator
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
@@ -297,9 +297,11 @@ def test_noise_at_rest_makes_no_contacts(model: InversionModel) -> None:
         assert not contacts.touching
 
 
-def test_dots_that_compressed_video_displaces_widen_the_deviations(model: InversionModel) -> None:
+def test_dots_that_are_displaced_by_more_than_their_pixels_show_widen_the_deviations(
+    model: InversionModel,
+) -> None:
     flat = np.zeros((model.patch.node_count, 3))
-    frames = held_dots(grid_of(model, flat, noise_px=0.005, seed=1), 20, 0.2)
+    frames = displaced_dots(grid_of(model, flat, noise_px=0.005, seed=1), 20, 0.2)
     std_mm = []
     for estimate in (ESTIMATE, replace(ESTIMATE, excess_noise=Unaware())):
         state = estimate.start(sensor_of())

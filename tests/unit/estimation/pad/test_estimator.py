@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bonded_pad import POISSON, THICKNESS_MM, YOUNG_MPA, RigidFace, pad_sensor, seen_px
-from compressed_video import Unaware, held_dots
+from displaced_dots import Unaware, displaced_dots
 from layouts import grid_at
 from manytouch import sample
 from manytouch.errors import LayoutError, SensorError
@@ -58,8 +58,8 @@ def test_nothing_touches_a_pad_at_rest(pad_state: PadState) -> None:
     assert np.abs(surface.displacement_mm).max() < 1e-3
 
 
-def test_dots_that_compressed_video_displaces_weigh_less(pad_state: PadState) -> None:
-    frames = held_dots(grid_at(pressed_px(pad_state, ONE), std_px=0.005), 20, 0.03)
+def test_dots_that_are_displaced_by_more_than_their_pixels_show_weigh_less(pad_state: PadState) -> None:
+    frames = displaced_dots(grid_at(pressed_px(pad_state, ONE), std_px=0.005), 20, 0.1)
     weight = []
     for estimate in (ESTIMATE, replace(ESTIMATE, excess_noise=Unaware())):
         state = pad_state

@@ -121,6 +121,17 @@ def test_a_contact_shortly_after_the_frames_at_rest_is_a_warning(
     assert all("a second without a touch" in sentence and "3 frames" in sentence for sentence in found)
 
 
+def test_compressed_video_is_a_warning(sensor, reading_of):
+    summary = summary_of(sensor)
+    summary.write(reading_of(0))
+    assert not any("the video is compressed" in sentence for sentence in summary.warnings())
+    noticed = reading_of(1)
+    summary.write(replace(noticed, grid=replace(noticed.grid, is_compressed=True)))
+    summary.write(reading_of(2))
+    (found,) = [sentence for sentence in summary.warnings() if "the video is compressed" in sentence]
+    assert "Record with less compression" in found
+
+
 def test_frames_count_for_the_method_that_estimated_them(sensor, reading_of):
     summary = summary_of(sensor, method="mechanics")
     for index, has_spline in enumerate((True, False, False, True, False)):

@@ -1,16 +1,16 @@
-"""Frames of compressed video, and an estimation that does not know that video can be compressed."""
+"""Dots that are displaced by more than their pixels show, as in compressed video."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from manytouch.estimation.excess_noise import ExcessNoise, ExcessNoiseState
+from manytouch.estimation.excess_noise import ExcessNoise
 from manytouch.geometry.neighbours import Neighbours
 from manytouch.values import TrackedGrid
 from manytouch.values.arrays import Mask, Points2, Scalars, read_only
 
 
-def held_dots(grid: TrackedGrid, count: int, std_px: float) -> list[TrackedGrid]:
+def displaced_dots(grid: TrackedGrid, count: int, std_px: float) -> list[TrackedGrid]:
     """In each frame three of ten dots are displaced anew, and the others stay where they were."""
     random, frames = np.random.default_rng(8), []
     off_px = random.normal(0.0, std_px, grid.position_px.shape)
@@ -24,15 +24,12 @@ def held_dots(grid: TrackedGrid, count: int, std_px: float) -> list[TrackedGrid]
 class Unaware(ExcessNoise):
     """Never finds any excess."""
 
-    def observe(self, state: ExcessNoiseState, grid: TrackedGrid) -> ExcessNoiseState:
-        return state
-
-    def update(
+    def after_fit(
         self,
-        state: ExcessNoiseState,
+        excess_px2: float,
         residual_px: Points2,
         variance_px2: Scalars,
         is_used: Mask,
         neighbours: Neighbours,
-    ) -> ExcessNoiseState:
-        return state
+    ) -> float:
+        return excess_px2
