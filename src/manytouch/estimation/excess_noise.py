@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from manytouch.compilation import kernel, no_type_check
 from manytouch.geometry.neighbours import Neighbours
 from manytouch.medians import median
 from manytouch.values.arrays import Mask, Points2, Scalars
@@ -43,12 +44,53 @@ class ExcessNoise:
             is_used: (m,) markers with a residual.
             neighbours: of each marker.
         """
-        near = is_used[neighbours.index]
-        count = np.maximum(near.sum(axis=1), 1)[:, None]
-        mean_px = np.einsum("mk,mkc->mc", near, residual_px[neighbours.index]) / count
-        rough_px2 = (residual_px - mean_px) ** 2 * (count / (count + 1.0))
-        # half of the squares are less than the median of their distribution if the variances are right
-        more_px2 = (rough_px2 / _MEDIAN_CHI2 - variance_px2[:, None])[is_used]
-        now_px2 = max(excess_px2 + float(median(more_px2.ravel())), 0.0)
+        more_px2 = np.empty(2 * len(is_used))
+        count = unexplained_variances(residual_px, variance_px2, is_used, neighbours.index, more_px2)
+        if count == 0:
+            return excess_px2
+        now_px2 = max(excess_px2 + median(more_px2[:count]), 0.0)
         share = 1.0 if now_px2 > excess_px2 else self.share
         return excess_px2 + share * (now_px2 - excess_px2)
+
+
+@kernel()
+@no_type_check
+def unexplained_variances(
+    residual_px: np.ndarray,
+    variance_px2: np.ndarray,
+    is_used: np.ndarray,
+    neighbour: np.ndarray,
+    more_px2: np.ndarray,
+) -> int:
+    """Estimates, one along each axis of each used marker, of the variance in excess of the assumed one.
+
+    They follow from the difference of the residual of a marker from the mean of those of its neighbours.
+
+    Args:
+        residual_px: (m, 2), any value where not used.
+        variance_px2: (m,) assumed along an axis.
+        is_used: (m,) markers with a residual.
+        neighbour: (m, k) indices of the neighbours.
+        more_px2: (2 m,) gets the estimates, each right in the median; the rest is left as it is.
+
+    Returns:
+        The number of estimates.
+    """
+    number = 0
+    for m in range(len(is_used)):
+        if not is_used[m]:
+            continue
+        count, x, y = 0, 0.0, 0.0
+        for k in neighbour[m]:
+            if is_used[k]:
+                count += 1
+                x += residual_px[k, 0]
+                y += residual_px[k, 1]
+        least = max(count, 1)
+        x, y = residual_px[m, 0] - x / least, residual_px[m, 1] - y / least
+        # the variance of the difference is (count + 1) / count times that of a marker
+        scale = least / ((least + 1.0) * _MEDIAN_CHI2)
+        more_px2[number] = x * x * scale - variance_px2[m]
+        more_px2[number + 1] = y * y * scale - variance_px2[m]
+        number += 2
+    return number

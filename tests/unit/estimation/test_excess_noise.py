@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from manytouch.estimation.excess_noise import ExcessNoise
+from manytouch.estimation.excess_noise import ExcessNoise, unexplained_variances
 from manytouch.geometry.neighbours import nearest_neighbours
 
 COLUMNS, ROWS = 14, 10
@@ -40,3 +40,23 @@ def test_residuals_that_near_markers_have_in_common_or_that_few_have_show_none()
     unused[::3] = False
     wild_px = np.where(unused[:, None], own_px, np.nan_to_num(1e3 * own_px))
     assert NOISE.after_fit(0.0, wild_px, assumed_px2, unused, NEIGHBOURS) == 0.0
+
+
+def test_a_frame_without_residuals_changes_nothing() -> None:
+    unknown_px = np.full(PLACE.shape, np.nan)
+    assert NOISE.after_fit(0.04, unknown_px, np.full(COUNT, STD_PX**2), ~ALL, NEIGHBOURS) == 0.04
+
+
+def test_estimates_of_both_axes_follow_from_the_mean_of_the_neighbours() -> None:
+    random = np.random.default_rng(6)
+    residual_px = random.normal(0.0, [0.01, 0.05], PLACE.shape)
+    variance_px2, is_used = random.uniform(1e-4, 2e-4, COUNT), random.random(COUNT) < 0.8
+    more_px2 = np.empty(2 * COUNT)
+    count = unexplained_variances(residual_px, variance_px2, is_used, NEIGHBOURS.index, more_px2)
+    expected_px2 = []
+    for marker in np.flatnonzero(is_used):
+        near = [each for each in NEIGHBOURS.index[marker] if is_used[each]]
+        mean_px = residual_px[near].mean(axis=0) if near else np.zeros(2)
+        share = max(len(near), 1) / (max(len(near), 1) + 1.0)
+        expected_px2.append((residual_px[marker] - mean_px) ** 2 * share / 0.4549 - variance_px2[marker])
+    np.testing.assert_allclose(more_px2[:count], np.concatenate(expected_px2), rtol=1e-9, atol=1e-15)

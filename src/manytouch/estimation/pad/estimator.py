@@ -202,7 +202,7 @@ class PadEstimator:
             patches=fit.patches,
             displacement_mm=read_only(fit.marker_mm(model)),
             excess_px2=self.excess_noise.after_fit(
-                state.excess_px2, *fit.marker_residuals(), fit.weight[::2] > 0.0, state.neighbours
+                state.excess_px2, *fit.marker_residuals(), state.neighbours
             ),
             refused_misfit=refused_misfit,
             touch=touch,

@@ -40,7 +40,7 @@ from manytouch.estimation.pad.patch_slopes import PatchPad
 from manytouch.estimation.pad.patch_steps import Common, Limits, Measured, Problem, Work, iterate
 from manytouch.estimation.pad.patches import Patches
 from manytouch.geometry.spline.patch import Nodal
-from manytouch.values.arrays import Points2, Points3, Scalars, read_only_view
+from manytouch.values.arrays import Mask, Points2, Points3, Scalars, read_only, read_only_view
 
 _FITTED = 2
 """Number of parameters of the pad that are fitted, from the first one: Poisson's ratio and thickness. An
@@ -104,9 +104,11 @@ class PadFit:
         at = PARAMETER_COUNT * np.arange(len(self.patches)) + FORCE
         return np.asarray(np.sqrt(np.diag(self.covariance)[at]))
 
-    def marker_residuals(self) -> tuple[Points2, Scalars]:
-        """(m, 2) residuals of the marker images and (m,) their variances along an axis, any if not seen."""
-        return self.residual_px.reshape(-1, 2), np.asarray(1.0 / np.maximum(self.weight[::2], 1e-12))
+    def marker_residuals(self) -> tuple[Points2, Scalars, Mask]:
+        """(m, 2) residuals of the marker images, (m,) variances along an axis, (m,) which are used."""
+        weight = self.weight[::2]
+        variance_px2 = np.asarray(1.0 / np.maximum(weight, 1e-12))
+        return self.residual_px.reshape(-1, 2), variance_px2, read_only(weight > 0.0)
 
     def marker_mm(self, model: BondedPadModel) -> Points3:
         """(m, 3) linear displacement of the markers."""
