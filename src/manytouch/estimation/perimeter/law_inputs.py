@@ -46,7 +46,8 @@ class LawErrors(NamedTuple):
     Attributes:
         neighbour: (k, m) neighbours of each marker.
         slope, curvature: (k, m) weights of a neighbour's depth minus the marker's own in the two errors.
-        noise_factor: factor of the variance that noise adds to slope and curvature, which is subtracted.
+        noise_factor: factor of the variance that independent noise of the depths adds to slope and curvature,
+            which is subtracted.
         spill: multiple of the mean square of all depths (mm²) that is added to what the depths at and around
             a marker show; the sum limits the variance of its error.
         scale_std: relative standard deviation of all depths.

@@ -184,22 +184,19 @@ def surface_at_markers(
 def _add_neighbours(
     depth: Floats, variance: Floats, neighbour: Integers, slope: Floats, curvature: Floats, sums: Floats
 ) -> None:
-    """Adds the contribution of one neighbour of each marker (m,) to `sums` (5, m)."""
-    by_slope, slope_noise, by_curvature, curvature_noise, squares = (
-        sums[0],
-        sums[1],
-        sums[2],
-        sums[3],
-        sums[4],
-    )
+    """Adds the contribution of one neighbour of each marker (m,) to `sums` (7, m)."""
+    by_slope, slope_noise, own_slope = sums[0], sums[1], sums[2]
+    by_curvature, curvature_noise, own_curvature, squares = sums[3], sums[4], sums[5], sums[6]
     for m in range(np.uint64(len(neighbour))):
         n = np.uint64(neighbour[m])
         there = depth[n]
-        rise, noise = there - depth[m], np.sqrt(variance[n] + variance[m])
+        rise, noise = there - depth[m], variance[n]
         by_slope[m] += slope[m] * rise
-        slope_noise[m] += abs(slope[m]) * noise
+        slope_noise[m] += slope[m] * slope[m] * noise
+        own_slope[m] += slope[m]
         by_curvature[m] += curvature[m] * rise
-        curvature_noise[m] += curvature[m] * noise
+        curvature_noise[m] += curvature[m] * curvature[m] * noise
+        own_curvature[m] += curvature[m]
         squares[m] += there * there
 
 
@@ -218,18 +215,18 @@ def law_error_variances(depth: Floats, variance: Floats, errors: LawErrors) -> F
             square += depth[m] * depth[m]
             known += 1
     spilt = errors.spill * square / max(known, 1)
-    total, sums = np.empty(len(depth)), np.zeros((5, len(depth)))
+    total, sums = np.empty(len(depth)), np.zeros((7, len(depth)))
     for k in range(count):
         _add_neighbours(depth, variance, errors.neighbour[k], errors.slope[k], errors.curvature[k], sums)
     for m in range(len(depth)):
-        by_slope, slope_noise, by_curvature, curvature_noise = sums[0, m], sums[1, m], sums[2, m], sums[3, m]
-        error = max(by_slope * by_slope - errors.noise_factor * slope_noise * slope_noise, 0.0)
-        error += max(
-            by_curvature * by_curvature - errors.noise_factor * curvature_noise * curvature_noise, 0.0
-        )
+        by_slope, by_curvature = sums[0, m], sums[3, m]
+        slope_noise = sums[1, m] + sums[2, m] ** 2 * variance[m]
+        curvature_noise = sums[4, m] + sums[5, m] ** 2 * variance[m]
+        error = max(by_slope * by_slope - errors.noise_factor * slope_noise, 0.0)
+        error += max(by_curvature * by_curvature - errors.noise_factor * curvature_noise, 0.0)
         # Slope and curvature are those of a map that contains the error itself, so the error is limited to
         # what the map shows.
-        shown = 0.5 * (depth[m] * depth[m] + sums[4, m] / count) + spilt
+        shown = 0.5 * (depth[m] * depth[m] + sums[6, m] / count) + spilt
         error *= shown / max((np.sqrt(error) + np.sqrt(shown)) ** 2, 1e-300)
         total[m] = error + (errors.scale_std * depth[m]) ** 2
         # The error is unknown where the depth of the marker or of a neighbour is.

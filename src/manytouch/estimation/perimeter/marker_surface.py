@@ -53,8 +53,9 @@ class MarkerSurface:
     Attributes:
         view_motion: estimates the motion of the view.
         interpolation: of markers that are not seen.
-        noise_factor: factor of the variance that noise adds to slope and curvature of the depth. It is above
-            1 because cells share their markers.
+        noise_factor: factor of the variance that depths with independent noise add to slope and curvature,
+            which is subtracted. On a lattice, where cells share their markers, the true variance of a
+            curvature is 0.6 times that one, so that a curvature counts beyond two standard deviations.
         spill: of the mean square of all marker depths, added in mm² to what the depths around a marker show,
             which limits the variance of its error (`law_error_variances`): a deep press also falsifies the
             depths of markers that show little.
@@ -63,7 +64,7 @@ class MarkerSurface:
 
     view_motion: RigidMotionEstimator = field(default_factory=RigidMotionEstimator)
     interpolation: MarkerInterpolation = field(default_factory=MarkerInterpolation)
-    noise_factor: float = 1.5
+    noise_factor: float = 2.5
     spill: float = 4.0
     assumed_scale_std: float = 0.35
 

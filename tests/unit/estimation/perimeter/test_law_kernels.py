@@ -84,11 +84,10 @@ def random_errors(random: np.random.Generator, count: int) -> LawErrors:
 
 def plain_errors(depth: np.ndarray, variance: np.ndarray, errors: LawErrors) -> np.ndarray:
     rise = depth[errors.neighbour] - depth
-    noise = np.sqrt(variance[errors.neighbour] + variance)
     total = np.zeros(len(depth))
     for weight in (errors.slope, errors.curvature):
-        signal, feigned = (weight * rise).sum(axis=0), (np.abs(weight) * noise).sum(axis=0)
-        total += np.maximum(signal**2 - errors.noise_factor * feigned**2, 0.0)
+        feigned = (weight**2 * variance[errors.neighbour]).sum(axis=0) + weight.sum(axis=0) ** 2 * variance
+        total += np.maximum((weight * rise).sum(axis=0) ** 2 - errors.noise_factor * feigned, 0.0)
     shown = 0.5 * (depth**2 + (depth[errors.neighbour] ** 2).mean(axis=0))
     shown = shown + errors.spill * np.nanmean(depth**2)
     limited = total * shown / (np.sqrt(total) + np.sqrt(shown)) ** 2
