@@ -337,7 +337,8 @@ def _warnings(
         )
     lost = int((~is_used).sum()) - (int(given.layout.is_missing.sum()) if given.layout is not None else 0)
     if lost > 0:
-        sentences.append(f"{lost} markers were not seen and are treated as missing")
+        were = "1 marker was not seen and is" if lost == 1 else f"{lost} markers were not seen and are"
+        sentences.append(f"{were} treated as missing")
     drift = np.nanmax(np.linalg.norm(seen.position_px[-1] - seen.position_px[0], axis=1))
     if drift > MAX_DRIFT_PITCHES * pitch_px:
         sentences.append(

@@ -88,6 +88,11 @@ def test_a_layout_that_is_known_keeps_its_numbers_and_gets_the_pose(tilted_frame
     assert found.sensor.camera.translation_mm == pytest.approx(SHIFT, abs=0.05)
     assert found.sensor.layout.rest_mm == pytest.approx(near.layout.rest_mm)
     assert "5 markers were not seen and are treated as missing" in found.warnings
+    with_four = replace(
+        near.layout, is_missing=np.isin(np.arange(len(near.layout.rest_mm)), [100, 107, 114, 121])
+    )
+    found = calibrate_rest(replace(near, layout=with_four), tilted_frames)
+    assert "1 marker was not seen and is treated as missing" in found.warnings
 
 
 def test_predicted_deviations_match_the_errors_of_the_pose():
