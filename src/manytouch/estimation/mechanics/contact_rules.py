@@ -33,10 +33,11 @@ class ContactRules:
         start_stds, last_stds: least normal force of a new contact and of one that continues, in standard
             deviations.
         outline_stds: least normal force of a contact on a known sheet over its change by one standard
-            deviation of the outline. A clamp that is not where the sensor file has it, or that bends the
-            sheet otherwise than its shell, causes forces next to it. The strongest force of a frame is not
-            tested: it causes most of the deformation. Other true contacts of the varied cases have 4 and more
-            with drawn sensor files, 5 and more with true ones.
+            deviation of the outline, other than in proportion to the strongest force. A clamp that is not
+            where the sensor file has it, or that bends the sheet otherwise than its shell, causes forces next
+            to it. The strongest force of a frame is not tested: it causes most of the deformation. Other true
+            contacts of the varied cases have 4 and more with drawn sensor files, 5 and more with true ones,
+            their whole change counted.
         sure_stds: least normal force of a contact that is not the strongest, in standard deviations by noise
             and by what the parameters of the sheet change other than in proportion to the strongest force. On
             a sheet that is assumed, only a new contact needs it: unlike parameters scale the forces of
@@ -120,24 +121,32 @@ class ContactRules:
 def _relative_std_mm2(clusters: Clusters, stds: Scalars, fit: Fit, response: ParameterResponse) -> Scalars:
     """(c,) deviation of each normal force by noise and by the parameters of the sheet.
 
-    What a parameter changes in proportion to all forces, as the modulus of a thick sheet does, causes no
-    contact: only what it changes other than in proportion to the strongest force counts. `stds` (c,) are the
-    forces in standard deviations by noise.
+    `stds` (c,) are the forces in standard deviations by noise.
     """
-    variance_mm4 = (clusters.normal_mm2 / stds) ** 2
-    if len(clusters) > 1:
-        strongest = int(clusters.normal_mm2.argmax())
-        share = clusters.normal_mm2 / clusters.normal_mm2[strongest]
-        own_mm2 = _sums_mm2(clusters, *response.force_change_mm2[:, :, 2])
-        own_mm2 = own_mm2 * _share_left(clusters, fit, response)
-        variance_mm4 = variance_mm4 + ((own_mm2 - share * own_mm2[:, [strongest]]) ** 2).sum(axis=0)
-    return np.asarray(np.sqrt(variance_mm4))
+    change_mm2 = _relative_changes_mm2(clusters, fit, response, response.force_change_mm2[:, :, 2])
+    return np.asarray(np.sqrt((clusters.normal_mm2 / stds) ** 2 + (change_mm2**2).sum(axis=0)))
 
 
 def _change_by_outline_mm2(clusters: Clusters, fit: Fit, response: ParameterResponse) -> Scalars:
     """(c,) size of the change of each normal force by one standard deviation of the outline."""
-    (change_mm2,) = _sums_mm2(clusters, response.by_outline_mm2)
-    return np.asarray(np.abs(change_mm2) * _share_left(clusters, fit, response))
+    (change_mm2,) = _relative_changes_mm2(clusters, fit, response, response.by_outline_mm2[None])
+    return np.asarray(np.abs(change_mm2))
+
+
+def _relative_changes_mm2(
+    clusters: Clusters, fit: Fit, response: ParameterResponse, nodal_mm2: Float64[np.ndarray, "k nodes"]
+) -> Float64[np.ndarray, "k c"]:
+    """(k, c) changes of the normal forces, other than in proportion to the strongest force.
+
+    What a parameter changes in proportion to all forces, as the modulus of a thick sheet does, causes no
+    contact. `nodal_mm2` (k, nodes) are changes of nodal forces in the response.
+    """
+    change_mm2 = _sums_mm2(clusters, *nodal_mm2) * _share_left(clusters, fit, response)
+    if len(clusters) == 0:
+        return np.asarray(change_mm2)
+    strongest = int(clusters.normal_mm2.argmax())
+    share = clusters.normal_mm2 / clusters.normal_mm2[strongest]
+    return np.asarray(change_mm2 - share * change_mm2[:, [strongest]])
 
 
 def _share_left(clusters: Clusters, fit: Fit, response: ParameterResponse) -> Scalars:

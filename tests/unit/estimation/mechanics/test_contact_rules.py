@@ -72,6 +72,20 @@ def test_what_wrong_parameters_explain_is_no_contact_unless_they_change_all_forc
         assert len(found) == expected
 
 
+@pytest.mark.parametrize(("share", "remains"), [(0.2, 2), (0.3, 1)])
+def test_what_a_wrong_outline_explains_is_no_contact_unless_it_changes_all_forces(
+    share: float, remains: int
+) -> None:
+    """First the weak force changes by a share of itself, then both do so."""
+    model, rules = NominalSheet()(slack_sensor()), ContactRules()
+    fit, clusters, (strong, weak) = two_forces(model)
+    for changed, expected in (([weak], remains), ([strong, weak], 2)):
+        by_outline_mm2 = response_of(fit, changed, share).force_change_mm2[0, :, 2]
+        response = replace(response_of(fit, [], 0.0), by_outline_mm2=by_outline_mm2)
+        found, _ = rules.certain(model, clusters, fit, response, NOTHING_BEFORE)
+        assert len(found) == expected
+
+
 @pytest.mark.parametrize(
     ("is_assumed", "before_mm", "remains"), [(True, 1.0, 2), (True, 7.0, 1), (False, 1.0, 1)]
 )
