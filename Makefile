@@ -32,17 +32,18 @@ setup: .venv/ready
 	@$(MAKE) --no-print-directory install LOCK=requirements.lock SIZE="about 2.8 GB in some 6 minutes"
 	@touch .venv/ready .venv/demo
 
-# Nothing is to be installed where .venv has everything that the tests use.
+# Nothing is to be installed where .venv has everything that the tests use. The lock file is complete, and Python
+# keeps the bytecode of what the demo imports: to resolve and compile all packages takes longer than to unpack them.
 .venv/demo: requirements-demo.lock pyproject.toml
 	@test .venv/ready -nt requirements-demo.lock -a .venv/ready -nt pyproject.toml || \
-		$(MAKE) --no-print-directory install LOCK=requirements-demo.lock SIZE="about 1.1 GB in some 2 minutes"
+		$(MAKE) --no-print-directory install LOCK=requirements-demo.lock FLAGS="--no-deps --no-compile" SIZE="about 1 GB in about a minute"
 	@touch .venv/demo
 
 install:
 	@test -n "$(PYTHON)" || { echo "manytouch needs Python 3.11 or newer with venv; none was found. Install it, or say which: make PYTHON=/path/to/python3"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv || { echo "$(PYTHON) cannot make a virtual environment: install its venv package (on Debian: apt install python3-venv)"; exit 1; }
 	@echo "setting up .venv at the versions of $(LOCK): downloads and installs its packages ($(SIZE)) without further lines"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $(LOCK)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes $(FLAGS) -r $(LOCK)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 
 # Compiled code is kept beside its source, but does not notice changes in the modules it calls.
@@ -50,6 +51,7 @@ install:
 	@find src -name '*.nb[ic]' -delete
 	@touch .venv/compiled
 
+demo: export PYTHONDONTWRITEBYTECODE =
 demo: .venv/compiled
 	@$(BIN)/manytouch demo $(ARGS)
 
