@@ -39,6 +39,7 @@ from manytouch.session.recording import SessionRecorder
 from manytouch.session.run import Observer, StopCondition
 from manytouch.session.throughput import ThroughputMeter
 from manytouch.sources.state_notes import StateNotes
+from manytouch.tracking import COMPRESSED_VIDEO
 from manytouch.values import (
     Command,
     Comparison,
@@ -217,7 +218,7 @@ class Live:
 
     def _estimate(self, stream: Iterator[Setup | TrackedFrame]) -> Iterator[Reading]:
         """Readings, in the calling thread."""
-        renumber, state, before = ContactIdOffset(), Kept(), None
+        renumber, state, before, is_noted = ContactIdOffset(), Kept(), None, False
         setup = next(stream, None)
         while isinstance(setup, Setup):
             self._present = setup
@@ -233,6 +234,9 @@ class Live:
             readings = setup.pipeline.estimate_readings(frames, setup.sensor, begin)
             for reading in kept(readings, state.keep):
                 self._touched_tares.add(reading)
+                if reading.grid.is_compressed and not is_noted:
+                    is_noted = True
+                    self._commands.note(COMPRESSED_VIDEO)
                 yield renumber(reading)
             before, setup = setup, following[0] if following else None
 

@@ -31,6 +31,7 @@ from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sources import Capabilities
 from manytouch.sources.cameras.camera import CameraSource
 from manytouch.sources.cameras.capture import CameraRequest, open_camera
+from manytouch.tracking import COMPRESSED_VIDEO
 from manytouch.values import (
     Command,
     Contacts,
@@ -203,6 +204,21 @@ def test_frames_that_were_read_are_not_read_again() -> None:
     assert len(list(job.readings())) == 18
     with pytest.raises(ManytouchError, match="were read already: prepare it again"):
         next(job.readings())
+
+
+@pytest.mark.parametrize("is_compressed", [False, True])
+def test_compressed_video_is_noted_once_while_it_runs(*, is_compressed: bool) -> None:
+    first: list[np.ndarray] = []
+
+    def left_as_before(index: int, image: np.ndarray) -> np.ndarray:
+        first.append(image)
+        half = image.shape[1] // 2
+        return np.hstack([first[0][:, :half], image[:, half:]]) if is_compressed else image
+
+    source = DrawnSource(frames=60, is_touched=False, change=left_as_before)
+    live, seen = run_live(source, waits_at=45, at_40=UseMethod(method="perimeter"))
+    assert [reading.grid.is_compressed for reading in seen.readings[::59]] == [False, is_compressed]
+    assert live.health().notes.count(COMPRESSED_VIDEO) == is_compressed
 
 
 def test_tare_makes_the_present_sheet_the_untouched_one() -> None:
