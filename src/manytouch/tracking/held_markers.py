@@ -22,6 +22,7 @@ class HeldMarkersState:
     Attributes:
         position_px: (m, 2) of the last frame in which markers were identified; NaN where not seen.
         share: share of the markers that stayed exactly where they were, mean over the last frames.
+        counted: number of frames in that mean, those in which all of them stayed left out.
         same_pictures: number of frames in a row, up to `HeldMarkers.noiseless_frames`, in which all of them
             did.
         is_compressed: whether that share was once too large for pictures of their own.
@@ -29,6 +30,7 @@ class HeldMarkersState:
 
     position_px: Points2
     share: float = 0.0
+    counted: int = 0
     same_pictures: int = 0
     is_compressed: bool = False
 
@@ -45,6 +47,8 @@ class HeldMarkers:
         held_stds: a marker stayed where it was if it moved by less than this, in standard deviations.
         max_share: largest mean share of such markers in pictures of their own, where it is 0.005.
         frames: number of frames over which the mean is taken.
+        least_frames: number of frames that are needed. The search for the dots of the second frame begins
+            where the first one found them, so that some move a little in pictures that are the same.
         noiseless_frames: after so many frames in a row in which no marker moved, pictures have no noise, as
             simulated ones may, and markers that nothing moves do not show that a video is compressed.
         std_px: additional errors of the centres of dots in compressed video along an axis. In H.264 of
@@ -55,6 +59,7 @@ class HeldMarkers:
     held_stds: float = 0.1
     max_share: float = 0.05
     frames: int = 10
+    least_frames: int = 3
     noiseless_frames: int = 5
     std_px: float = 0.05
 
@@ -89,8 +94,9 @@ class HeldMarkers:
             return after
         if held == known:
             return replace(after, same_pictures=state.same_pictures + 1)
-        share = state.share + (held / known - state.share) / self.frames
-        return replace(after, share=share, same_pictures=0, is_compressed=share > self.max_share)
+        share, counted = state.share + (held / known - state.share) / self.frames, state.counted + 1
+        is_compressed = share > self.max_share and counted >= self.least_frames
+        return replace(after, share=share, counted=counted, same_pictures=0, is_compressed=is_compressed)
 
 
 @kernel()
