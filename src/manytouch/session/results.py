@@ -1,6 +1,7 @@
 """Every frame of an input into the files of a result folder."""
 
 import hashlib
+import os
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
@@ -292,11 +293,11 @@ def result_name(text: str) -> str:
     if text.startswith(VIEWS_PREFIX):
         return "-".join(result_name(part) for part in views_of(text))[:LONGEST_NAME]
     bare, topic = split_topic(text)
-    path = Path(bare).resolve()
-    if topic is not None and not topic.startswith("/"):
-        return f"{path.stem}-{topic}"  # a sensor of a rig
+    path = Path(os.path.abspath(bare))  # noqa: PTH100 - the name of a link, not that of its target
     name = path.name if path.is_dir() else path.stem
-    return name or "input"
+    if name.strip(".") == "":
+        name = "input"  # the stem of "...png" is the folder above
+    return name if topic is None or topic.startswith("/") else f"{name}-{topic}"  # a sensor of a rig
 
 
 def _file_name(name: str) -> str:

@@ -447,10 +447,18 @@ def test_an_input_without_frames_is_refused() -> None:
         *[("0", "0"), ("/dev/video2", "video2"), ("http://10.0.0.5/", "stream-10.0.0.5")],
         ("rtsp://user:secret@10.0.0.5:554/cam/1", "stream-10.0.0.5-554-cam-1"),
         ("http://[::1]:8080/video.mjpg#x", "stream-[-1]-8080-video.mjpg"),
+        *[("a/...png", "input"), ("..png", "input"), ("a/...mcap#left", "input-left"), ("/", "input")],
     ],
 )
 def test_names_of_results(text: str, name: str) -> None:
     assert result_name(text) == name
+
+
+def test_results_of_a_link_have_its_own_name(tmp_path: Path) -> None:
+    (tmp_path / "4f2a.bin").touch()
+    (tmp_path / "press.mp4").symlink_to(tmp_path / "4f2a.bin")
+    assert result_name(str(tmp_path / "press.mp4")) == "press"
+    assert result_name(f"{tmp_path}/x/../press.mp4") == "press"
 
 
 def test_streams_that_differ_only_in_the_query_have_folders_of_their_own() -> None:

@@ -129,10 +129,11 @@ def _names(recordings: Sequence[Recording]) -> list[str]:
     names = []
     for recording in recordings:
         sensor = "" if recording.rig_sensor is None else f"-{recording.rig_sensor}"
-        name, number = f"{recording.path.stem}{sensor}", 1
+        stem = recording.path.stem if recording.path.stem.strip(".") else "recording"
+        name, number = f"{stem}{sensor}", 1
         while name.casefold() in taken:
             number += 1
-            name = f"{recording.path.stem}{sensor}-{number}"
+            name = f"{stem}{sensor}-{number}"
         taken.add(name.casefold())
         names.append(name)
     return names
