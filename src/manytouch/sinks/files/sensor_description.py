@@ -155,15 +155,15 @@ def plain_values(value: object) -> Any:
 def estimated_pretension(sensor: Sensor, spline: SheetSpline | None) -> dict[str, float | None] | None:
     """Pretension of a sheet whose file does not state it, with its deviation; None without an estimate.
 
-    In N/mm where Young's modulus is known, and divided by it.
+    In N/mm where Young's modulus is known, and divided by it, in the sensor's unit of length.
     """
-    sheet = sensor.sheet
+    sheet, unit = sensor.sheet, sensor.length_unit
     if spline is None or (sheet is not None and sheet.states_pretension):
         return None
     mean, std, young = spline.pretension_over_E_mm, spline.pretension_std_over_E_mm, spline.young_MPa
     return {
-        "over_E_mm": mean,
-        "std_over_E_mm": std,
+        f"over_E_{unit}": mean,
+        f"std_over_E_{unit}": std,
         "N_per_mm": None if young is None else young * mean,
         "std_N_per_mm": None if young is None else young * std,
     }
