@@ -208,9 +208,7 @@ def prepare(
     if method is not None:
         pipeline_for(method, roi_px, parameters)  # reports a wrong name before anything is opened
     given = sensor if sensor is None or isinstance(sensor, Sensor) else _loaded(sensor)
-    if given is not None and (pitch_mm is not None or hfov_deg is not None):
-        what = f"the sensor {given.name!r} already states pitch and camera"
-        raise SensorError(f"{what}: give either a sensor file or --pitch-mm and --hfov-deg")
+    _refuse_two_scales("the sensor file", given, pitch_mm, hfov_deg)
     on_message = None if observer is None else observer.on_message
     source, text = _open(input, fps, _with_size(camera, given))
     timeline = source.capabilities.seek
@@ -218,6 +216,7 @@ def prepare(
         on_message(timeline.warning)
     try:
         known = source.capabilities.sensor if given is None else given
+        _refuse_two_scales(text, known, pitch_mm, hfov_deg)
         if given is not None or known is None:
             warm_up_for(method or (DEFAULT if known is None else default_method(known)), known, on_message)
         started = determine_sensor(
@@ -302,3 +301,10 @@ def _open(given: str | Path | int | Source, fps: float | None, camera: CameraReq
     if fps is not None:
         raise SourceError(f"{given.name!r} is an open source: give fps={fps} to manytouch.open_source")
     return given, given.name
+
+
+def _refuse_two_scales(origin: str, sensor: Sensor | None, pitch_mm: object, hfov_deg: object) -> None:
+    """Refuse a pitch and a field of view where a sensor is known, from a file or from the input itself."""
+    if sensor is not None and (pitch_mm is not None or hfov_deg is not None):
+        what = f"the sensor {sensor.name!r} of {origin} already states pitch and camera"
+        raise SensorError(f"{what}: omit --pitch-mm and --hfov-deg, or give another sensor file")
