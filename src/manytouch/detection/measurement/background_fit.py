@@ -22,6 +22,7 @@ from manytouch.detection.measurement.records import (
     Pixels,
     Plane,
     Samples,
+    soft_threshold,
 )
 
 SAMPLES = 80  # wanted of ring and of core
@@ -195,6 +196,6 @@ def fit_brightness(
             a, b, c, spread, variance = inner.a, inner.b, inner.c, inner.spread, inner.variance
     fit = BrightnessFit(
         ground.a, ground.b, ground.c, a - ground.a, b - ground.b, c - ground.c,
-        ground.variance, ground.spread, spread, variance,
+        ground.variance, ground.spread, spread, variance, soft_threshold(noise, a - ground.a, radius),
     )  # fmt: skip
     return a > ground.a, fit

@@ -3,8 +3,6 @@
 `background_fit` is the general one, for damaged dots and at the border of the image.
 """
 
-# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
-
 import math
 
 from manytouch.compilation import REORDER, f32, f64, inlined_kernel, no_type_check, u64
@@ -18,6 +16,7 @@ from manytouch.detection.measurement.records import (
     BrightnessFit,
     Plane,
     Samples,
+    soft_threshold,
 )
 from manytouch.detection.measurement.sampling_pattern import LANES, LoadedPattern, SampleShape
 
@@ -126,11 +125,12 @@ def _fit_background(pattern: LoadedPattern, level: float, noise: float) -> tuple
 @inlined_kernel()
 @no_type_check
 def _combine(
-    background: Plane, contrast: float, slope_x: float, slope_y: float, spread: float, variance: float
-) -> BrightnessFit:
+    background: Plane, contrast: Plane, noise: float, radius: float
+) -> BrightnessFit:  # fmt: skip
     return BrightnessFit(
-        background.a, background.b, background.c, contrast, slope_x, slope_y,
-        background.variance, background.spread, spread, variance,
+        background.a, background.b, background.c, contrast.a, contrast.b, contrast.c,
+        background.variance, background.spread, contrast.spread, contrast.variance,
+        soft_threshold(noise, contrast.a, radius),
     )  # fmt: skip
 
 
@@ -151,18 +151,21 @@ def _fit_small(
         _use_near(core, part_x, part_y, radius - 1.0, number)
         if _count_below(core, level - DARK * contrast) > 0.0:
             return NOT_PLAIN, NO_FIT
-    return FOUND, _combine(background, level - background.a, 0.0, 0.0, 0.0, -1.0)
+    height = Plane(level - background.a, 0.0, 0.0, 0.0, -1.0, 0.0)
+    return FOUND, _combine(background, height, noise, radius)
 
 
 @inlined_kernel()
 @no_type_check
-def _fit_level(pattern: LoadedPattern, background: Plane, noise: float) -> tuple[int, BrightnessFit]:
+def _fit_level(
+    pattern: LoadedPattern, background: Plane, noise: float, radius: float
+) -> tuple[int, BrightnessFit]:
     """As `fit_plain_brightness`, for a core that is not flat: one level, unless part of it is hardly dot."""
     level = middle_quantile(pattern.core, 0.55, 6)
     contrast = level - background.a
     if not contrast > 2.0 * noise or _count_below(pattern.core, level - DARK * contrast) > 0.0:
         return NOT_PLAIN, NO_FIT
-    return FOUND, _combine(background, contrast, 0.0, 0.0, 0.0, -1.0)
+    return FOUND, _combine(background, Plane(contrast, 0.0, 0.0, 0.0, -1.0, 0.0), noise, radius)
 
 
 @inlined_kernel()
@@ -187,5 +190,6 @@ def fit_plain_brightness(
     enough = 0.9 * pattern.core_count
     is_flat = contrast > 0.0 and height > 0.0 and core.number >= enough and core.spread > 0.0
     if not is_flat or abs(slope_x) + abs(slope_y) > STEEP / radius * height:
-        return _fit_level(pattern, background, noise)
-    return FOUND, _combine(background, height, slope_x, slope_y, core.spread, core.variance)
+        return _fit_level(pattern, background, noise, radius)
+    inner = Plane(height, slope_x, slope_y, 0.0, core.variance, core.spread)
+    return FOUND, _combine(background, inner, noise, radius)

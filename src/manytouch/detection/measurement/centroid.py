@@ -4,12 +4,13 @@ In a window around each dot the brightness of the background is a plane through 
 that of the dot a plane through its core; both are fitted to the pixels that agree with each other. Between
 them is the coverage s of each pixel, and
 
-    w = min(max((s - 0.15) / 0.7, 0), 1),     centre = sum w x / sum w.
+    w = min(max((s - l) / (1 - 2 l), 0), 1),     centre = sum w x / sum w,
 
-So neither uneven light nor an uneven background moves the centre, and noise away from the edge does not
-count. The covariance follows by propagation: from the pixels of the edge, from the slopes of the two planes,
-and from noise that passes the soft threshold. How noise grows with light, and how uneven light usually is, is
-estimated from all dots of the image. See docs/derivations/detection.md.
+with l from 0.05 to 0.15 (`records.soft_threshold`). So neither uneven light nor an uneven background moves
+the centre, and noise away from the edge does not count. The covariance follows by propagation: from the
+pixels of the edge, from the slopes of the two planes, and from noise that passes the soft threshold. How
+noise grows with light, and how uneven light usually is, is estimated from all dots of the image. See
+docs/derivations/detection.md.
 """
 
 from dataclasses import dataclass

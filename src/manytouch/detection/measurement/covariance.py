@@ -21,8 +21,8 @@ from manytouch.detection.measurement.records import (
     CXY,
     CYY,
     EDGE,
-    GAIN,
-    LOW,
+    LEAST_LOW,
+    MOST_LOW,
     DotStatistics,
     MeasuredDot,
     X,
@@ -43,8 +43,10 @@ class NoiseModel(NamedTuple):
         outlier: times the mean variance; 64 plain pixels seldom exceed it.
         outlier_of_one: the same limit for a single squared residual.
         texture: ratio to the usual variance above which a background is textured.
-        floor_px, floor_px3, most_floor_px: deviation that square pixels leave without noise, measured on
-            rendered discs of radius r = 1.5 to 20 px: min(most_floor, floor + floor_px3 / r^2).
+        floor_px, floor_px3, floor_px5, most_floor_px: deviation that square pixels leave without noise,
+            measured on rendered discs of radius r = 1.5 to 20 px: min(most_floor, floor + floor_px3 / r^2)
+            with the highest threshold, and floor_px5 / r^4 in place of the last term with the lowest one.
+            Blurred discs have more.
     """
 
     least_variance: float = 0.09
@@ -57,6 +59,7 @@ class NoiseModel(NamedTuple):
     texture: float = 2.0
     floor_px: float = 0.003
     floor_px3: float = 0.04
+    floor_px5: float = 0.16
     most_floor_px: float = 0.013
 
 
@@ -88,7 +91,9 @@ def store_dot(dot: MeasuredDot, row: int, statistics: DotStatistics) -> None:
     statistics.edge_yy[row] = sums.edge_yy - 2.0 * dy * sums.edge_y + count * dy * dy
     statistics.edge_xy[row] = sums.edge_xy - dx * sums.edge_y - dy * sums.edge_x + count * dx * dy
     statistics.window[row] = 0.25 * math.pi * dot.reach2 * dot.reach2
-    statistics.scale[row], statistics.area[row] = GAIN / (fit.contrast * sums.total), sums.total
+    gain = 1.0 / (1.0 - 2.0 * fit.low)
+    statistics.low[row] = fit.low
+    statistics.scale[row], statistics.area[row] = gain / (fit.contrast * sums.total), sums.total
     statistics.background[row], statistics.contrast[row] = fit.background, fit.contrast
     statistics.contrast_x[row], statistics.contrast_y[row] = fit.contrast_x, fit.contrast_y
     statistics.background_variance[row] = fit.background_variance
@@ -105,6 +110,7 @@ def store_nothing(row: int, statistics: DotStatistics, out: Float64[np.ndarray, 
     statistics.contrast[row] = statistics.contrast_x[row] = statistics.contrast_y[row] = 0.0
     statistics.background[row] = statistics.background_spread[row] = statistics.core_spread[row] = 0.0
     statistics.background_variance[row] = statistics.core_variance[row] = -1.0
+    statistics.low[row] = MOST_LOW
 
 
 @inlined_kernel()
@@ -117,13 +123,17 @@ def store_position(
     `size` is the width and height of the image.
     """
     sums, total = dot.moments, dot.moments.total
-    least = min(MODEL.most_floor_px, MODEL.floor_px + MODEL.floor_px3 / (radius * radius))
+    square, lowered = radius * radius, (MOST_LOW - dot.fit.low) / (MOST_LOW - LEAST_LOW)
+    growth = (1.0 - lowered) * MODEL.floor_px3 + lowered * MODEL.floor_px5 / square
+    least = min(MODEL.most_floor_px, MODEL.floor_px + growth / square)
     out[row, CXX] = out[row, CYY] = least * least
     out[row, CXY] = 0.0
     x, y = dot.x + sums.x / total, dot.y + sums.y / total
     out[row, X], out[row, Y] = x, y
     out[row, AREA], out[row, CONTRAST] = total, dot.fit.contrast
-    out[row, EDGE] = sums.edges / (2.0 * math.sqrt(math.pi * total))
+    # from 15 to 85 %, of an even edge
+    share = (1.0 - 2.0 * MOST_LOW) / (1.0 - 2.0 * dot.fit.low)
+    out[row, EDGE] = share * sums.edges / (2.0 * math.sqrt(math.pi * total))
     out[row, CUT] = 0.0
     margin = min(x, size[0] - 1.0 - x, y, size[1] - 1.0 - y) + 0.5
     if margin < 1.15 * radius:
@@ -271,7 +281,7 @@ def _passed_noise(
     statistics: DotStatistics, i: int, background_variance: float, core_variance: float
 ) -> float:
     """Noise of background and core, from their variances, that passes the soft threshold, px^4."""
-    threshold = LOW * statistics.contrast[i]
+    threshold = statistics.low[i] * statistics.contrast[i]
     if threshold * threshold >= 36.0 * max(background_variance, core_variance):
         return 0.0
     trace = statistics.edge_xx[i] + statistics.edge_yy[i]

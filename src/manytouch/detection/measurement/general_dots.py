@@ -14,9 +14,6 @@ from manytouch.compilation import REORDER, f32, kernel, no_type_check, u64
 from manytouch.detection.measurement.background_fit import GeneralScratch, fit_brightness
 from manytouch.detection.measurement.records import (
     FOUND,
-    GAIN,
-    HIGH,
-    LOW,
     NO_DOT,
     NO_FIT,
     NO_MOMENTS,
@@ -55,14 +52,17 @@ def _mark_outside(
 
 @kernel()
 @no_type_check
-def fill_holes(coverage: Float32[np.ndarray, "h w"], stack: Int64[np.ndarray, " k"]) -> None:
-    """Sets coverage 1 in what the dot encloses: a glint inside belongs to it. `stack` is scratch."""
+def fill_holes(coverage: Float32[np.ndarray, "h w"], stack: Int64[np.ndarray, " k"], high: float) -> None:
+    """Sets coverage 1 in what the dot encloses: a glint inside belongs to it.
+
+    `stack` is scratch; from `high` on a pixel has all of its weight already.
+    """
     height, width = coverage.shape
     outside = np.zeros((height, width), dtype=np.bool_)
     _mark_outside(coverage, stack, outside)
     for v in range(1, height - 1):
         for u in range(1, width - 1):
-            if coverage[v, u] < HIGH and not outside[v, u]:
+            if coverage[v, u] < high and not outside[v, u]:
                 # the inner edge of a hole is not an edge either, but the outer one of the dot remains
                 is_outer_edge = (
                     outside[v - 1, u - 1] or outside[v - 1, u] or outside[v - 1, u + 1] or outside[v, u - 1]
@@ -110,8 +110,11 @@ def cover(
 
 @kernel(fastmath=REORDER)
 @no_type_check
-def coverage_moments(coverage: Float32[np.ndarray, "h w"], x: float, y: float, reach2: float) -> Moments:
-    """Moments about (x, y) of the pixels within a radius of it."""
+def coverage_moments(
+    coverage: Float32[np.ndarray, "h w"], x: float, y: float, reach2: float, low: float
+) -> Moments:
+    """Moments about (x, y) of the pixels within a radius of it; those below the coverage `low` count 0."""
+    least, gain = f32(low), f32(1.0 / (1.0 - 2.0 * low))
     s0 = sx = sy = edges = edge_sx = edge_sy = edge_sxx = edge_sxy = edge_syy = 0.0
     for v in range(u64(coverage.shape[0])):
         dy = float(v) - y
@@ -123,7 +126,7 @@ def coverage_moments(coverage: Float32[np.ndarray, "h w"], x: float, y: float, r
         total = first = count = edge_x = edge_xx = f32(0.0)
         dx = f32(left - x)
         for u in range(u64(left), u64(right)):
-            weight = (coverage[v, u] - f32(LOW)) * f32(GAIN)
+            weight = (coverage[v, u] - least) * gain
             weight = weight if weight > f32(0.0) else f32(0.0)
             weight = weight if weight < f32(1.0) else f32(1.0)
             total += weight
@@ -165,8 +168,8 @@ def measure_general(
         coverage = scratch.coverage[: (y1 - y0) * (x1 - x0)].reshape(y1 - y0, x1 - x0)
         cover(pixels, x, y, x0, y0, fit, coverage)
         if fit.core_spread == 0.0 and radius >= 3.0:
-            fill_holes(coverage, scratch.stack)
-        moments = coverage_moments(coverage, x - x0, y - y0, reach2)
+            fill_holes(coverage, scratch.stack, 1.0 - fit.low)
+        moments = coverage_moments(coverage, x - x0, y - y0, reach2, fit.low)
         if not moments.total > 0.0:
             return MeasuredDot(NO_DOT, x, y, reach2, NO_FIT, NO_MOMENTS)
         dx, dy = moments.x / moments.total, moments.y / moments.total

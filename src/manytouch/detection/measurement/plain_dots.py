@@ -120,5 +120,6 @@ def measure_plain(
         fit = BrightnessFit(
             fit.background, fit.background_x, fit.background_y, fit.contrast, fit.contrast_x, fit.contrast_y,
             fit.background_variance, fit.background_spread, fit.core_spread, rise * rise,
+            fit.low,
         )  # fmt: skip
     return MeasuredDot(FOUND, float(near_x), float(near_y), reach2, fit, moments)

@@ -14,9 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float32, Float64, Shaped
 
-# Soft threshold on the coverage of a pixel by the dot: weight 0 below LOW, 1 above HIGH, linear between.
-LOW, HIGH = 0.15, 0.85
-GAIN = 1.0 / (HIGH - LOW)
+from manytouch.compilation import inlined_kernel, no_type_check
+
+# Soft threshold on the coverage of a pixel by the dot: weight 0 below `low`, 1 above 1 - `low`, linear
+# between. `low` is between these two, see `soft_threshold`.
+LEAST_LOW, MOST_LOW = 0.05, 0.15
+NOISES = 3.0  # deviations of a pixel that the threshold is at least
+SMALL_RADIUS, PLAIN_RADIUS = 2.4, 3.0  # px: up to the first `low` is the most, from the second on the least
 # Radius in px below which the core of a plain dot gets no plane of its own: it has too few pixels for that.
 PLANE_RADIUS = 6.2
 
@@ -90,6 +94,7 @@ class BrightnessFit(NamedTuple):
         background_spread, core_spread: sum of dx^2 + dy^2 of the samples about their mean, px^2; 0 for a core
             without a plane of its own.
         core_variance: of the residuals of the core's plane; -1 if not known.
+        low: coverage of a pixel below which its weight is 0.
     """
 
     background: float
@@ -102,9 +107,27 @@ class BrightnessFit(NamedTuple):
     background_spread: float
     core_spread: float
     core_variance: float
+    low: float
 
 
-NO_FIT = BrightnessFit(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0)
+NO_FIT = BrightnessFit(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, MOST_LOW)
+
+
+@inlined_kernel()
+@no_type_check
+def soft_threshold(noise: float, contrast: float, radius: float) -> float:
+    """Coverage below which a pixel has no weight: the least that noise and the size of the dot allow.
+
+    Pixels are samples of the weight, whose sum depends on where the dot is within a pixel, the more the
+    steeper it rises from 0 to 1. Noise of the background has to stay below the threshold, and so have the
+    blurred edges of small dots at the border of their window, which is as many pixels away from them. Of dots
+    with a plane of their own, a lower threshold adds more by the slopes of the planes than it removes.
+    """
+    if radius >= PLANE_RADIUS:
+        return MOST_LOW
+    part = min(max((radius - SMALL_RADIUS) / (PLAIN_RADIUS - SMALL_RADIUS), 0.0), 1.0)
+    least = max(MOST_LOW + part * (LEAST_LOW - MOST_LOW), NOISES * noise / contrast)
+    return min(least, MOST_LOW)
 
 
 class Moments(NamedTuple):
@@ -164,7 +187,7 @@ class DotStatistics(NamedTuple):
         scale: (n,) shift of the centre in px by one grey level more in one pixel, per px of its offset.
         area: (n,) sum of the weights, px^2.
         background, contrast, contrast_x, contrast_y, background_variance, background_spread, core_spread,
-            core_variance: (n,) as in `BrightnessFit`; the variances are -1 where there is no dot.
+            core_variance, low: (n,) as in `BrightnessFit`; the variances are -1 where there is no dot.
     """
 
     edge_xx: Float64[np.ndarray, " n"]
@@ -181,3 +204,4 @@ class DotStatistics(NamedTuple):
     background_spread: Float64[np.ndarray, " n"]
     core_spread: Float64[np.ndarray, " n"]
     core_variance: Float64[np.ndarray, " n"]
+    low: Float64[np.ndarray, " n"]

@@ -8,8 +8,6 @@ from jaxtyping import Float32, Int64, Shaped, UInt16
 from manytouch.compilation import REORDER, f32, f64, inlined_kernel, no_type_check, u64
 from manytouch.detection.measurement.plane_fit import centroid_above
 from manytouch.detection.measurement.records import (
-    GAIN,
-    LOW,
     NO_MOMENTS,
     BrightnessFit,
     Moments,
@@ -130,16 +128,17 @@ def pull(samples: Samples) -> tuple[float, float]:
 @no_type_check
 def plain_moments(window: Window, fit: BrightnessFit) -> Moments:
     """Moments about the middle pixel, with the coverage of the pixels computed on the way."""
-    # w = GAIN (value - background) / contrast - GAIN LOW; 1 / contrast to first order in the slopes of the
+    # w = gain (value - background) / contrast - gain low; 1 / contrast to first order in the slopes of the
     # dot, since the next order is the same on both sides
     planes, sums, half, scale = window.planes, window.sums, window.half, window.scale
-    inverse = GAIN / fit.contrast
+    gain = 1.0 / (1.0 - 2.0 * fit.low)
+    inverse = gain / fit.contrast
     fall_x, fall_y = fit.contrast_x / fit.contrast * inverse, fit.contrast_y / fit.contrast * inverse
     planes[GROUND] = (fit.background - half * (fit.background_x + fit.background_y)) / scale
     planes[GROUND + 1], planes[GROUND + 2] = fit.background_x / scale, fit.background_y / scale
     planes[BRIGHT] = (inverse + half * (fall_x + fall_y)) * scale
     planes[BRIGHT + 1], planes[BRIGHT + 2] = -fall_x * scale, -fall_y * scale
-    planes[START], planes[LEFT] = GAIN * LOW, -half
+    planes[START], planes[LEFT] = gain * fit.low, -half
     rows = 2 * half + 1
     strip_sums(window.flat, window.first, window.width, window.strips, rows, window.mask, planes, sums)
     s0, sx, sxx = f64(sums[S0]), f64(sums[SX]), f64(sums[SXX])

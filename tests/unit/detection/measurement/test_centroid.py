@@ -49,6 +49,14 @@ def test_no_bias_without_noise(radius_px: float, look: Look, sign: float) -> Non
     assert np.median(dots.contrast) == pytest.approx(abs(look.dot - look.ground), rel=0.15)
 
 
+@pytest.mark.parametrize(("radius_px", "limit_px"), [(3.0, 0.006), (4.0, 0.004), (5.0, 0.003), (6.0, 0.003)])
+def test_the_error_hardly_depends_on_the_place_within_a_pixel(radius_px: float, limit_px: float) -> None:
+    """On a regular print such errors repeat every few markers, and look like a load."""
+    centre_px = dots_at(6.0 * radius_px)
+    error_px = measured(render(centre_px, radius_px, LIGHT_DOTS), centre_px, radius_px).centre_px - centre_px
+    assert np.sqrt((error_px**2).mean()) < limit_px
+
+
 @pytest.mark.parametrize("radius_px", [4.0, 10.0])
 def test_linear_light_does_not_move_the_centre(radius_px: float) -> None:
     centre_px = dots_at(45.0)

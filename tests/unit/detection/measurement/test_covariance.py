@@ -5,7 +5,7 @@ import pytest
 from scipy.special import ndtr
 
 from manytouch.detection.measurement.covariance import MODEL, add_noise, pixel_noise
-from manytouch.detection.measurement.records import COLUMNS, CXX, CXY, CYY, GAIN, LOW, DotStatistics, X, Y
+from manytouch.detection.measurement.records import COLUMNS, CXX, CXY, CYY, DotStatistics, X, Y
 
 
 def random_statistics(seed: int, number: int = 60) -> tuple[DotStatistics, np.ndarray]:
@@ -13,13 +13,13 @@ def random_statistics(seed: int, number: int = 60) -> tuple[DotStatistics, np.nd
     radius = rng.uniform(3.0, 9.0, number)
     area, contrast = np.pi * radius**2, rng.uniform(60.0, 160.0, number)
     edges = 2.0 * np.pi * radius
-    has_plane = radius > 6.2
+    has_plane, low = radius > 6.2, rng.uniform(0.05, 0.15, number)
     statistics = DotStatistics(
         edge_xx=0.5 * edges * radius**2 * rng.uniform(0.9, 1.1, number),
         edge_xy=0.05 * edges * radius**2 * rng.normal(size=number),
         edge_yy=0.5 * edges * radius**2 * rng.uniform(0.9, 1.1, number),
         window=0.25 * np.pi * (1.35 * radius + 1.2) ** 4,
-        scale=GAIN / (contrast * area),
+        scale=1.0 / ((1.0 - 2.0 * low) * contrast * area),
         area=area,
         background=rng.uniform(30.0, 60.0, number),
         contrast=contrast,
@@ -29,6 +29,7 @@ def random_statistics(seed: int, number: int = 60) -> tuple[DotStatistics, np.nd
         background_spread=64.0 * (1.5 * radius) ** 2,
         core_spread=np.where(has_plane, 16.0 * radius**2, 0.0),
         core_variance=np.where(has_plane, rng.gamma(30.0, 12.0 / 30.0, number), 9.0 * rng.random(number)),
+        low=low,
     )
     statistics.background_variance[4] = 60.0  # a rough background
     statistics.contrast_x[np.argmax(radius)] = 0.6 * contrast[np.argmax(radius)] / radius.max()  # steep light
@@ -87,7 +88,7 @@ def numpy_added(of: DotStatistics, radius: np.ndarray, is_light: bool) -> np.nda
     back = np.where(has_plane, 0.5 * of.scale * (1.0 - share), 0.0)
     outside = np.maximum(of.window - 0.5 * (xx + yy), 0.0)
     inside_px4 = np.clip(of.area**2 / (4.0 * np.pi) - 0.25 * (xx + yy), 0.0, outside)
-    threshold = LOW * of.contrast
+    threshold = of.low * of.contrast
     passed = (outside - inside_px4) * here * tail(threshold / np.sqrt(here))
     passed += inside_px4 * there * tail(threshold / np.sqrt(there))
     edge, tilt, k2 = 0.5 * (here + there), 0.25 * slopes, of.scale**2

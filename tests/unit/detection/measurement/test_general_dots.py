@@ -5,9 +5,9 @@ import pytest
 from scipy.ndimage import binary_dilation, binary_fill_holes
 
 from manytouch.detection.measurement.general_dots import cover, coverage_moments, fill_holes
-from manytouch.detection.measurement.records import GAIN, HIGH, LOW, BrightnessFit, Pixels
+from manytouch.detection.measurement.records import BrightnessFit, Pixels
 
-FIT = BrightnessFit(60.0, 0.4, -0.3, 90.0, 0.8, 0.5, 1.0, 1.0, 0.0, -1.0)
+FIT = BrightnessFit(60.0, 0.4, -0.3, 90.0, 0.8, 0.5, 1.0, 1.0, 0.0, -1.0, 0.15)
 
 
 def pixels_of(image: np.ndarray, weights: np.ndarray) -> Pixels:
@@ -30,21 +30,23 @@ def test_coverage_is_the_level_between_the_planes(weights: np.ndarray) -> None:
     np.testing.assert_allclose(coverage, (grey[4:21, 5:26] - below) / height, atol=2e-5)
 
 
+@pytest.mark.parametrize("low", [0.05, 0.15])
 @pytest.mark.parametrize("seed", range(3))
-def test_moments_are_sums_over_the_disc(seed: int) -> None:
+def test_moments_are_sums_over_the_disc(seed: int, low: float) -> None:
     coverage = np.random.default_rng(seed).uniform(-0.2, 1.2, (23, 27)).astype(np.float32)
     x, y, reach2 = 13.4, 11.2, 90.0
     dy, dx = np.mgrid[:23, :27] - np.array([y, x])[:, None, None]
-    weight = np.clip((coverage - LOW) * GAIN, 0.0, 1.0) * (dx**2 + dy**2 <= reach2)
+    weight = np.clip((coverage - low) / (1.0 - 2.0 * low), 0.0, 1.0) * (dx**2 + dy**2 <= reach2)
     edge = (weight > 0.0) & (weight < 1.0)
     parts = [weight, weight * dx, weight * dy]
     parts += [edge * part for part in (1.0, dx, dy, dx * dx, dx * dy, dy * dy)]
-    found = coverage_moments(coverage, x, y, reach2)
+    found = coverage_moments(coverage, x, y, reach2, low)
     np.testing.assert_allclose(found, [part.sum() for part in parts], rtol=1e-4, atol=2e-2)
 
 
+@pytest.mark.parametrize("high", [0.85, 0.95])
 @pytest.mark.parametrize("seed", range(4))
-def test_enclosed_pixels_are_filled(seed: int) -> None:
+def test_enclosed_pixels_are_filled(seed: int, high: float) -> None:
     rng = np.random.default_rng(seed)
     v, u = np.mgrid[:31, :31] - 15.0
     coverage = np.clip(11.0 - np.hypot(v, u) + rng.normal(0.0, 0.1, (31, 31)), 0.0, 1.0).astype(np.float32)
@@ -54,7 +56,7 @@ def test_enclosed_pixels_are_filled(seed: int) -> None:
     near_outside = binary_dilation(~solid, np.ones((3, 3)))
     inner = np.zeros_like(solid)
     inner[1:-1, 1:-1] = True
-    changes = solid & inner & (coverage < HIGH) & ((coverage < 0.5) | ~near_outside)
+    changes = solid & inner & (coverage < high) & ((coverage < 0.5) | ~near_outside)
     expected = np.where(changes, 1.0, coverage)
-    fill_holes(coverage, np.empty(coverage.size, dtype=np.int64))
+    fill_holes(coverage, np.empty(coverage.size, dtype=np.int64), high)
     np.testing.assert_array_equal(coverage, expected.astype(np.float32))
