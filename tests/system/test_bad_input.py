@@ -201,6 +201,16 @@ def test_one_bad_input_does_not_stop_the_others(run: Run, tmp_path: Path, video:
     assert (tmp_path / "out" / "press" / "summary.json").is_file()
 
 
+def test_an_error_of_one_of_several_inputs_names_it(run: Run, tmp_path: Path) -> None:
+    for name, level in (("black.png", 0), ("white.png", 255)):
+        cv2.imwrite(str(tmp_path / name), np.full((360, 640), level, dtype=np.uint8))
+    done = run("process", "black.png", "white.png", "--out", "out")
+    assert done.returncode == 1
+    first, second = done.stderr.splitlines()
+    assert "black.png: no dots were found" in first
+    assert "white.png: no dots were found" in second
+
+
 @pytest.mark.parametrize(
     "words",
     [

@@ -6,6 +6,7 @@ Exit status: 0 done, also after Ctrl-C; 1 the work failed; 2 the command line is
 """
 
 import gc
+import io
 import shutil
 import sys
 import textwrap
@@ -84,6 +85,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: words after the name of the program; None: those of this process.
     """
     words = [word for word in (sys.argv[1:] if arguments is None else arguments) if word != DEBUG_FLAG]
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal may lack ± and letters of names
     if words in ([], ["--help"], ["-h"]):  # without the parser, whose import takes longer than a user expects
         try:
             print(_overview(shutil.get_terminal_size().columns))

@@ -107,7 +107,8 @@ def process(
                         f"no image of frame {frame}: the input has no decoded frame with this number"
                     )
             except Exception as error:  # noqa: BLE001 - the other inputs are processed all the same
-                report(error)
+                shown = without_password(text)
+                report(error, "" if len(inputs) == 1 or shown in str(error) else f"{shown}: ")
                 failed += 1
     return 1 if failed else 0
 

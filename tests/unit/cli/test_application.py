@@ -1,6 +1,7 @@
 """Options, exit statuses, help, and errors of the command line."""
 
 import inspect
+import io
 import os
 import signal
 import subprocess
@@ -35,6 +36,14 @@ VERBS = ("demo", "run", "process", "view", "design", "simulate", "evaluate", "ex
 )
 def test_every_input_has_a_folder_of_its_own(inputs, names):
     assert result_names(inputs) == names
+
+
+def test_letters_that_a_terminal_lacks_are_replaced(monkeypatch: pytest.MonkeyPatch):
+    with io.TextIOWrapper(io.BytesIO(), encoding="ascii", write_through=True) as terminal:
+        monkeypatch.setattr(sys, "stdout", terminal)
+        assert main(["--version"]) == 0
+        terminal.write("6.1 ± 0.2 N\n")
+        assert terminal.buffer.getvalue().decode().endswith("6.1 ? 0.2 N\n")
 
 
 def test_nothing_that_stays_is_searched_for_garbage_while_a_command_starts(tmp_path: Path):

@@ -54,7 +54,11 @@ def read_toml(path: Path | Traversable, kind: str, error: type[ManytouchError]) 
         raise
     except IsADirectoryError:
         raise error(f"{path} is a folder: give the path of {kind} (.toml)") from None
-    except (UnicodeDecodeError, OSError, ValueError) as reason:
+    except UnicodeDecodeError:
+        raise error(
+            f"{path} is not text in UTF-8: save {kind} as such (.toml), or give another path"
+        ) from None
+    except (OSError, ValueError) as reason:
         raise error(f"{path} cannot be read as {kind}: {reason}") from None
     mistake = complexity_mistake(text)
     if mistake is not None:

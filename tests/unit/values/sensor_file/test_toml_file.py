@@ -55,6 +55,12 @@ def test_other_unusable_files_are_refused(text: str | bytes, words: str, tmp_pat
     assert words in refusal(text, tmp_path)
 
 
+def test_text_in_another_encoding_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    assert "is not text in UTF-8: save a sensor file as such" in refusal(
+        'name = "é"'.encode("latin-1"), tmp_path
+    )
+
+
 def test_a_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SensorError, match="folder"):
         read_toml(tmp_path, "a sensor file", SensorError)
