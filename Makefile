@@ -40,7 +40,7 @@ setup: .venv/ready
 	@touch .venv/demo
 
 install:
-	@test -n "$(PYTHON)" || { echo "manytouch needs Python 3.11 or newer with venv; none was found. Install it, or say which: make PYTHON=/path/to/python3"; exit 1; }
+	@test -n "$(PYTHON)" || { echo "manytouch needs Python 3.11 or newer with venv; none was found. Install it, or specify it: make PYTHON=/path/to/python3"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv || { echo "$(PYTHON) cannot make a virtual environment: install its venv package (on Debian: apt install python3-venv)"; exit 1; }
 	@echo "setting up .venv at the versions of $(LOCK): downloads and installs its packages ($(SIZE)) without further lines"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes $(FLAGS) -r $(LOCK)
