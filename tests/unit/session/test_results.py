@@ -433,6 +433,8 @@ def test_a_sensor_of_another_image_size_is_refused() -> None:
         prepare(DrawnSource(), sensor=sensor)
     with pytest.raises(SensorError, match="already states pitch"):
         prepare(DrawnSource(), sensor=sensor, pitch_mm=4.0)
+    with pytest.raises(SensorError, match="of sim:one already states pitch and camera: omit --pitch-mm"):
+        prepare("sim:one", hfov_deg=60.0)
 
 
 def test_an_input_without_frames_is_refused() -> None:

@@ -330,6 +330,18 @@ def test_measured_places_replace_those_of_the_file_where_the_sheet_is_released(l
         assert not any("was touched" in sentence for sentence in found.assumptions)
 
 
+def test_a_polarity_that_the_file_leaves_open_is_that_of_the_recording():
+    sensor = demo_sensor(1280)
+    sensor = replace(sensor, layout=replace(sensor.layout, polarity="auto"))
+    touched = frames_of(picture(pressed_px(sensor, 12.0), 5, 1280, 720), 5)
+    later = frames_of(picture(pressed_px(sensor, 0.0) + 0.4, 5, 1280, 720), 6)
+    frames = [replace(frame, index=k) for k, frame in enumerate([*touched, *later])]
+    registered = register_rest(sensor, touched)
+    found = register_to_recording(sensor, registered, frames, frame_count=len(frames))
+    assert found is not registered
+    assert found.layout.polarity == registered.layout.polarity == "dark"
+
+
 @pytest.mark.parametrize(("depth_px", "is_stated"), [(0.3, False), (3.0, True)])
 def test_a_light_touch_or_an_uneven_print_is_stated(depth_px, is_stated):
     sensor = demo_sensor(1280)

@@ -16,6 +16,7 @@ from manytouch.sinks.files.hashing import result_hash
 from manytouch.sinks.files.sensor_description import (
     describe_sensor,
     describe_view,
+    estimated_pretension,
     pitch_px,
     sensor_to_dict,
 )
@@ -78,6 +79,14 @@ def test_counts_statuses_contacts_and_what_is_odd(tmp_path, sensor, reading_of, 
     assert len(summary["noise_px"]["per_marker"]) == 24
     assert summary["milliseconds"] == {"p50": 4.5, "p95": 6.75, "p99": 6.95}
     assert summary["parameters"]["detect"]["roi_px"] == [1, 2, 30, 40]
+
+
+@pytest.mark.parametrize(("is_known", "unit"), [(True, "mm"), (False, "pitch")])
+def test_an_estimated_pretension_has_the_unit_of_length(sensor, is_known, unit):
+    spline = replace(FLAT, pretension_over_E_mm=0.2, pretension_std_over_E_mm=0.1)
+    found = estimated_pretension(replace(sensor, sheet=None, scale_is_known=is_known), spline)
+    expected = {f"over_E_{unit}": 0.2, f"std_over_E_{unit}": 0.1, "N_per_mm": None, "std_N_per_mm": None}
+    assert found == expected
 
 
 def test_the_provenance_keeps_its_types(sensor):

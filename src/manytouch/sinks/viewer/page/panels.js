@@ -101,9 +101,11 @@ function drawProfile({ length_mm, depth_mm, std_mm }) {
 
 /** The pretension that is estimated because the sensor file states none. */
 function pretensionRow(found) {
-  if (!found || !isKnown(found.over_E_mm)) return [];
-  const { N_per_mm, std_N_per_mm, over_E_mm, std_over_E_mm } = found;
-  const text = isKnown(N_per_mm) ? `${withStd(N_per_mm, std_N_per_mm, (value) => fixed(value, 3))} N/mm` : `${withStd(over_E_mm, std_over_E_mm, (value) => fixed(value, 4))} mm × E`;
+  if (!found) return [];
+  const unit = "over_E_mm" in found ? "mm" : "pitch";
+  const { N_per_mm, std_N_per_mm, [`over_E_${unit}`]: overE, [`std_over_E_${unit}`]: stdOverE } = found;
+  if (!isKnown(overE)) return [];
+  const text = isKnown(N_per_mm) ? `${withStd(N_per_mm, std_N_per_mm, (value) => fixed(value, 3))} N/mm` : `${withStd(overE, stdOverE, (value) => fixed(value, 4))} ${unit} × E`;
   return [["pretension, estimated", text, ""]];
 }
 
