@@ -22,7 +22,7 @@ class HeldMarkersState:
     Attributes:
         position_px: (m, 2) of the last frame in which markers were identified; NaN where not seen.
         share: share of the markers that stayed exactly where they were, mean over the last frames.
-        counted: number of frames in that mean, those in which all of them stayed left out.
+        counted: number of frames in which so many stayed that they would show it, but not all.
         same_pictures: number of frames in a row, up to `HeldMarkers.noiseless_frames`, in which all of them
             did.
         is_compressed: whether that share was once too large for pictures of their own.
@@ -47,8 +47,9 @@ class HeldMarkers:
         held_stds: a marker stayed where it was if it moved by less than this, in standard deviations.
         max_share: largest mean share of such markers in pictures of their own, where it is 0.005.
         frames: number of frames over which the mean is taken.
-        least_frames: number of frames that are needed. The search for the dots of the second frame begins
-            where the first one found them, so that some move a little in pictures that are the same.
+        least_frames: number of such frames that are needed. The search for dots begins where the frame before
+            found them, so that in the first ones some move a little though the pictures are the same.
+        same_share: from this share on all of them stayed.
         noiseless_frames: after so many frames in a row in which no marker moved, pictures have no noise, as
             simulated ones may, and markers that nothing moves do not show that a video is compressed.
         std_px: additional errors of the centres of dots in compressed video along an axis. In H.264 of
@@ -60,6 +61,7 @@ class HeldMarkers:
     max_share: float = 0.05
     frames: int = 10
     least_frames: int = 3
+    same_share: float = 0.99
     noiseless_frames: int = 5
     std_px: float = 0.05
 
@@ -92,9 +94,10 @@ class HeldMarkers:
         after = replace(state, position_px=position_px)
         if known == 0:
             return after
-        if held == known:
+        if held >= self.same_share * known:
             return replace(after, same_pictures=state.same_pictures + 1)
-        share, counted = state.share + (held / known - state.share) / self.frames, state.counted + 1
+        share = state.share + (held / known - state.share) / self.frames
+        counted = state.counted + (held > self.max_share * known)
         is_compressed = share > self.max_share and counted >= self.least_frames
         return replace(after, share=share, counted=counted, same_pictures=0, is_compressed=is_compressed)
 
