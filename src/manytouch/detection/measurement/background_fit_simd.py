@@ -124,9 +124,7 @@ def _fit_background(pattern: LoadedPattern, level: float, noise: float) -> tuple
 
 @inlined_kernel()
 @no_type_check
-def _combine(
-    background: Plane, contrast: Plane, noise: float, radius: float
-) -> BrightnessFit:  # fmt: skip
+def _combine(background: Plane, contrast: Plane, noise: float, radius: float) -> BrightnessFit:
     return BrightnessFit(
         background.a, background.b, background.c, contrast.a, contrast.b, contrast.c,
         background.variance, background.spread, contrast.spread, contrast.variance,
