@@ -55,9 +55,7 @@ def read_toml(path: Path | Traversable, kind: str, error: type[ManytouchError]) 
     except IsADirectoryError:
         raise error(f"{path} is a folder: give the path of {kind} (.toml)") from None
     except UnicodeDecodeError:
-        raise error(
-            f"{path} is not text in UTF-8: save {kind} as such (.toml), or give another path"
-        ) from None
+        raise error(f"{path} cannot be read as {kind}: it is not text in UTF-8; save it as such") from None
     except (OSError, ValueError) as reason:
         raise error(f"{path} cannot be read as {kind}: {reason}") from None
     mistake = complexity_mistake(text)

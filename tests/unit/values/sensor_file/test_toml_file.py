@@ -56,7 +56,7 @@ def test_other_unusable_files_are_refused(text: str | bytes, words: str, tmp_pat
 
 
 def test_text_in_another_encoding_is_refused_with_what_to_do(tmp_path: Path) -> None:
-    assert "is not text in UTF-8: save a sensor file as such" in refusal(
+    assert "it is not text in UTF-8; save it as such" in refusal(
         'name = "é"'.encode("latin-1"), tmp_path
     )
 
