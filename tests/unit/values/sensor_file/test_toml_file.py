@@ -56,9 +56,7 @@ def test_other_unusable_files_are_refused(text: str | bytes, words: str, tmp_pat
 
 
 def test_text_in_another_encoding_is_refused_with_what_to_do(tmp_path: Path) -> None:
-    assert "it is not text in UTF-8; save it as such" in refusal(
-        'name = "é"'.encode("latin-1"), tmp_path
-    )
+    assert "it is not text in UTF-8; save it as such" in refusal('name = "é"'.encode("latin-1"), tmp_path)
 
 
 def test_a_folder_is_refused(tmp_path: Path) -> None:
