@@ -193,10 +193,13 @@ def register_to_recording(
     sensor, _ = _registered(given, markers, where=where, origin=origin)
     assert sensor.layout is not None
     assert registered.layout is not None
-    seen = {
-        name: getattr(registered.layout, name) for name in ("polarity", "colour_weights", "rest_radius_px")
-    }
-    return replace(sensor, layout=replace(sensor.layout, **seen))
+    layout = replace(
+        sensor.layout,
+        polarity=registered.layout.polarity,
+        colour_weights=registered.layout.colour_weights,
+        rest_radius_px=registered.layout.rest_radius_px,
+    )
+    return replace(sensor, layout=layout)
 
 
 def _bulge_of(given: Sensor, registered: Sensor) -> float:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
 from manytouch.detection import estimate_noise, measure
 from manytouch.simulation.render.discs import DARK_DOTS, LIGHT_DOTS, Look, Spot, render_discs
@@ -55,6 +56,15 @@ def test_the_error_hardly_depends_on_the_place_within_a_pixel(radius_px: float, 
     centre_px = dots_at(6.0 * radius_px)
     error_px = measured(render(centre_px, radius_px, LIGHT_DOTS), centre_px, radius_px).centre_px - centre_px
     assert np.sqrt((error_px**2).mean()) < limit_px
+
+
+@pytest.mark.parametrize("blur_px", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("radius_px", [4.0, 5.0, 8.0])
+def test_the_width_of_an_edge_is_that_of_the_point_spread(radius_px: float, blur_px: float) -> None:
+    centre_px = dots_at(8.0 * radius_px)
+    dots = measured(render(centre_px, radius_px, LIGHT_DOTS, blur_px=blur_px), centre_px, radius_px)
+    from_15_to_85 = 2.0 * ndtri(0.85) * blur_px
+    assert np.median(dots.edge_px) == pytest.approx(from_15_to_85, rel=0.15)
 
 
 @pytest.mark.parametrize("radius_px", [4.0, 10.0])
