@@ -24,6 +24,7 @@ from manytouch.detection.measurement.records import (
     Samples,
     soft_threshold,
 )
+from manytouch.detection.measurement.sampling_pattern import core_radius, ring_radii
 
 SAMPLES = 80  # wanted of ring and of core
 MOST_SAMPLES = 6 * SAMPLES
@@ -58,8 +59,9 @@ class GeneralScratch(NamedTuple):
 def choose_offsets(radius: float, scratch: GeneralScratch) -> None:
     """Chooses the pixels that are sampled around dots of a radius (px)."""
     counts, offsets = scratch.counts, scratch.offsets
-    counts[RING] = _choose_between(1.3 * radius + 1.0, 1.75 * radius + 1.5, offsets[RING])
-    counts[CORE] = _choose_between(-1.0, max(0.5 * radius, 0.9) + 0.75, offsets[CORE])
+    inner, outer = ring_radii(radius)
+    counts[RING] = _choose_between(inner - 0.5, outer + 0.5, offsets[RING])
+    counts[CORE] = _choose_between(-1.0, core_radius(radius) + 0.75, offsets[CORE])
     counts[WHOLE] = _choose_between(-1.0, 1.4 * radius + 0.7, offsets[WHOLE])
 
 
@@ -91,9 +93,10 @@ def _grey_level(pixels: Pixels, y: int, x: int) -> float:
 @kernel()
 @no_type_check
 def _sample(
-    pixels: Pixels, x: float, y: float, scratch: GeneralScratch, part: int, reach: float, samples: Samples
-) -> int:
-    """Reads pixels at the offsets of `part` from the one nearest to (x, y), at most `reach` away.
+    pixels: Pixels, x: float, y: float, scratch: GeneralScratch, part: int,
+    radii: tuple[float, float], samples: Samples,
+) -> int:  # fmt: skip
+    """Reads pixels at the offsets of `part` from the one nearest to (x, y), between two distances from it.
 
     Returns how many are inside the image. Their offsets are from (x, y).
     """
@@ -105,7 +108,7 @@ def _sample(
         u, v = near_x + offset[0, k], near_y + offset[1, k]
         if 0 <= u < pixels.width and 0 <= v < pixels.height:
             dx, dy = f32(offset[0, k]) + part_x, f32(offset[1, k]) + part_y
-            if dx * dx + dy * dy > reach * reach:
+            if not radii[0] * radii[0] <= dx * dx + dy * dy <= radii[1] * radii[1]:
                 continue
             samples.dx[count], samples.dy[count], samples.used[count] = dx, dy, 1.0
             if pixels.channels == 1:
@@ -155,7 +158,7 @@ def walk_to_dot(
 ) -> tuple[float, float]:
     """Moves a position by a few mean-shift steps to the dot near it."""
     for _ in range(steps):
-        count = _sample(pixels, x, y, scratch, WHOLE, EVERYWHERE, scratch.first)
+        count = _sample(pixels, x, y, scratch, WHOLE, (0.0, EVERYWHERE), scratch.first)
         if count < 4:
             break
         dx, dy = centroid_above(scratch.first, count, _middle(scratch.first.value, count))
@@ -172,11 +175,11 @@ def fit_brightness(
 ) -> tuple[bool, BrightnessFit]:
     """Planes of background and core about (x, y), and whether there is a dot."""
     ring, core, ordered = scratch.first, scratch.second, scratch.sorted_values
-    count = _sample(pixels, x, y, scratch, RING, EVERYWHERE, ring)
+    count = _sample(pixels, x, y, scratch, RING, ring_radii(radius), ring)
     if count < 4:
         return False, NO_FIT
     background = f64(_quantile(ring.value, count, 0.4, ordered))
-    in_core = _sample(pixels, x, y, scratch, CORE, max(0.5 * radius, 0.9), core)
+    in_core = _sample(pixels, x, y, scratch, CORE, (0.0, core_radius(radius)), core)
     if in_core < 1:
         return False, NO_FIT
     level = f64(_quantile(core.value, in_core, 0.55, ordered))

@@ -18,36 +18,25 @@ from manytouch.detection.measurement.records import (
     Samples,
     soft_threshold,
 )
-from manytouch.detection.measurement.sampling_pattern import LANES, LoadedPattern, SampleShape
+from manytouch.detection.measurement.sampling_pattern import (
+    LANES,
+    LoadedPattern,
+    core_radius,
+    ring_radii,
+)
 
 WITHIN = 2.5  # deviations of a pixel of the core from its plane
 STEEP = 0.12  # of the contrast: change over a radius from which on a dot is not plain
 DARK = 0.3  # of the contrast: a pixel of the core that is so much darker is damaged
+EVERYTHING = 1e9  # grey levels: a margin that leaves no sample out
 ALL = u64(LANES)
 
 
-@inlined_kernel(fastmath=REORDER)
+@inlined_kernel()
 @no_type_check
-def fit_even_plane(samples: Samples, shape: SampleShape) -> tuple[Plane, float, float]:
-    """Least-squares plane of all samples, the sum of its squared residuals, and the mean of the values."""
-    middle = samples.value[0]
-    sv = svx = svy = svv = f32(0.0)
-    for i in range(ALL):
-        residual = samples.used[i] * (samples.value[i] - middle)
-        sv += residual
-        svx += residual * samples.dx[i]
-        svy += residual * samples.dy[i]
-        svv += residual * residual
-    mx, my = shape.mean_x, shape.mean_y
-    mean = float(sv * (f32(1.0) / f32(shape.number)))
-    cxv, cyv = svx - sv * mx, svy - sv * my
-    db = shape.inverse_xx * cxv + shape.inverse_xy * cyv
-    dc = shape.inverse_xy * cxv + shape.inverse_yy * cyv
-    squares = max(svv - sv * mean - db * cxv - dc * cyv, 0.0)
-    mean += middle
-    level = mean - db * mx - dc * my
-    variance = squares / max(shape.number - 3.0, 1.0)
-    return Plane(level, db, dc, shape.number, variance, shape.spread), squares, f64(mean)
+def fit_all(samples: Samples) -> Plane:
+    """Least-squares plane of all samples that are used."""
+    return fit_plane(samples, LANES, Plane(f64(samples.value[0]), 0.0, 0.0, 0.0, 0.0, 0.0), EVERYTHING)
 
 
 @inlined_kernel(fastmath=REORDER)
@@ -86,12 +75,14 @@ def middle_quantile(samples: Samples, quantile: float, halvings: int) -> float:
 
 @inlined_kernel(fastmath=REORDER)
 @no_type_check
-def _use_near(samples: Samples, part_x: float, part_y: float, reach: float, number: int) -> float:
-    """Uses those of the first samples that are within a radius of a position; returns how many."""
-    count, reach2 = f32(0.0), f32(reach * reach)
+def use_between(samples: Samples, part: tuple[float, float], radii: tuple[float, float]) -> float:
+    """Uses the samples that are between two distances from a position; returns how many."""
+    count, least, most = f32(0.0), f32(radii[0] * radii[0]), f32(radii[1] * radii[1])
+    part_x, part_y = f32(part[0]), f32(part[1])
     for i in range(ALL):
         x, y = samples.dx[i] - part_x, samples.dy[i] - part_y
-        inside = f32(1.0) if x * x + y * y <= reach2 and i < u64(number) else f32(0.0)
+        distance2 = x * x + y * y
+        inside = f32(1.0) if least <= distance2 <= most else f32(0.0)
         samples.used[i] = inside
         count += inside
     return count
@@ -109,12 +100,15 @@ def _count_below(samples: Samples, least: float) -> float:
 
 @inlined_kernel()
 @no_type_check
-def _fit_background(pattern: LoadedPattern, level: float, noise: float) -> tuple[Plane, float]:
+def _fit_background(
+    pattern: LoadedPattern, radius: float, part: tuple[float, float], level: float, noise: float
+) -> tuple[Plane, float]:
     """Plane of the background around a core of brightness `level`, and how much darker it is."""
-    plane, squares, background = fit_even_plane(pattern.ring, pattern.ring_shape)
-    contrast = level - background
+    use_between(pattern.ring, part, ring_radii(radius))
+    plane = fit_all(pattern.ring)
+    contrast = level - plane.a
     # when the squares sum up to less than that of the margin, no sample is beyond it
-    if squares > max(0.3 * contrast, 2.5 * noise) ** 2:
+    if plane.variance * (plane.number - 3.0) > max(0.3 * contrast, 2.5 * noise) ** 2:
         contrast = level - middle_quantile(pattern.ring, 0.4, 5)
         margin = max(0.3 * contrast, 2.5 * noise)
         plane = fit_plane(pattern.ring, LANES, Plane(level - contrast, 0.0, 0.0, 0.0, 0.0, 0.0), margin)
@@ -135,18 +129,18 @@ def _combine(background: Plane, contrast: Plane, noise: float, radius: float) ->
 @inlined_kernel()
 @no_type_check
 def _fit_small(
-    pattern: LoadedPattern, radius: float, part_x: float, part_y: float, noise: float
+    pattern: LoadedPattern, radius: float, part: tuple[float, float], noise: float
 ) -> tuple[int, BrightnessFit]:
     """As `fit_plain_brightness`, for a dot too small for a plane of its own."""
-    core, number = pattern.core, pattern.core_count
-    if _use_near(core, part_x, part_y, max(0.5 * radius, 0.9), number) < 1.0:
+    core = pattern.core
+    if use_between(core, part, (0.0, core_radius(radius))) < 1.0:
         return NO_DOT, NO_FIT
     level = middle_quantile(core, 0.55, 8)
-    background, contrast = _fit_background(pattern, level, noise)
+    background, contrast = _fit_background(pattern, radius, part, level, noise)
     if not (contrast > 0.0 and level > background.a):
         return NO_DOT, NO_FIT
     if radius >= 3.0:
-        _use_near(core, part_x, part_y, radius - 1.0, number)
+        use_between(core, part, (0.0, radius - 1.0))
         if _count_below(core, level - DARK * contrast) > 0.0:
             return NOT_PLAIN, NO_FIT
     height = Plane(level - background.a, 0.0, 0.0, 0.0, -1.0, 0.0)
@@ -169,23 +163,24 @@ def _fit_level(
 @inlined_kernel()
 @no_type_check
 def fit_plain_brightness(
-    pattern: LoadedPattern, radius: float, part_x: float, part_y: float, noise: float
+    pattern: LoadedPattern, radius: float, part: tuple[float, float], noise: float
 ) -> tuple[int, BrightnessFit]:
-    """Planes of background and contrast about the middle pixel of a dot at (part_x, part_y) from it.
+    """Planes of background and contrast about the middle pixel of a dot whose centre is at `part` from it.
 
     Returns FOUND and the fit, or NO_DOT or NOT_PLAIN.
     """
     if radius < PLANE_RADIUS:
-        return _fit_small(pattern, radius, part_x, part_y, noise)
-    core, squares, level = fit_even_plane(pattern.core, pattern.core_shape)
-    background, contrast = _fit_background(pattern, level, noise)
+        return _fit_small(pattern, radius, part, noise)
+    used = use_between(pattern.core, part, (0.0, core_radius(radius)))
+    core = fit_all(pattern.core)
+    background, contrast = _fit_background(pattern, radius, part, core.a, noise)
     margin = max(0.2 * contrast, 3.0 * noise)
-    if contrast > 0.0 and squares > margin * margin:
+    if contrast > 0.0 and core.variance * (core.number - 3.0) > margin * margin:
         # the shot noise may be larger on the dot than anywhere else
         margin = max(margin, WITHIN * math.sqrt(core.variance))
         core = fit_plane(pattern.core, LANES, core, margin)
     height, slope_x, slope_y = core.a - background.a, core.b - background.b, core.c - background.c
-    enough = 0.9 * pattern.core_count
+    enough = 0.9 * used
     is_flat = contrast > 0.0 and height > 0.0 and core.number >= enough and core.spread > 0.0
     if not is_flat or abs(slope_x) + abs(slope_y) > STEEP / radius * height:
         return _fit_level(pattern, background, noise, radius)

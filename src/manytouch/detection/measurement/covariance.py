@@ -21,7 +21,6 @@ from manytouch.detection.measurement.records import (
     CXY,
     CYY,
     EDGE,
-    LEAST_LOW,
     MOST_LOW,
     DotStatistics,
     MeasuredDot,
@@ -29,6 +28,10 @@ from manytouch.detection.measurement.records import (
     Y,
 )
 from manytouch.detection.measurement.sampling_pattern import core_radius
+
+# Square of the threshold over the variance of a pixel from which on the noise that passes it is less than a
+# hundredth of that of the edge.
+NEGLIGIBLE = 6.25
 
 
 class NoiseModel(NamedTuple):
@@ -43,24 +46,21 @@ class NoiseModel(NamedTuple):
         outlier: times the mean variance; 64 plain pixels seldom exceed it.
         outlier_of_one: the same limit for a single squared residual.
         texture: ratio to the usual variance above which a background is textured.
-        floor_px, floor_px3, floor_px5, most_floor_px: deviation that square pixels leave without noise,
-            measured on rendered discs of radius r = 1.5 to 20 px: min(most_floor, floor + floor_px3 / r^2)
-            with the highest threshold, and floor_px5 / r^4 in place of the last term with the lowest one.
-            Blurred discs have more.
+        floor_px, floor_px3: deviation that square pixels leave without noise, floor + floor_px3 / r^2,
+            measured on rendered discs of radius r = 1.5 to 11 px, blurred by 0.3 to 0.8 px. More blurred ones
+            have more.
     """
 
     least_variance: float = 0.09
     even_slope: float = 0.03
-    even_dots: float = 1.0
+    even_dots: float = 0.3
     steep: float = 9.0
     clearance_px: float = 1.9
     outlier: float = 1.6
     outlier_of_one: float = 9.0
     texture: float = 2.0
-    floor_px: float = 0.003
-    floor_px3: float = 0.04
-    floor_px5: float = 0.16
-    most_floor_px: float = 0.013
+    floor_px: float = 0.0015
+    floor_px3: float = 0.016
 
 
 class PixelNoise(NamedTuple):
@@ -123,9 +123,7 @@ def store_position(
     `size` is the width and height of the image.
     """
     sums, total = dot.moments, dot.moments.total
-    square, lowered = radius * radius, (MOST_LOW - dot.fit.low) / (MOST_LOW - LEAST_LOW)
-    growth = (1.0 - lowered) * MODEL.floor_px3 + lowered * MODEL.floor_px5 / square
-    least = min(MODEL.most_floor_px, MODEL.floor_px + growth / square)
+    least = MODEL.floor_px + MODEL.floor_px3 / (radius * radius)
     out[row, CXX] = out[row, CYY] = least * least
     out[row, CXY] = 0.0
     x, y = dot.x + sums.x / total, dot.y + sums.y / total
@@ -133,10 +131,10 @@ def store_position(
     out[row, AREA], out[row, CONTRAST] = total, dot.fit.contrast
     # from 15 to 85 %, of a normal point spread: quantile of 85 % over that of 1 - low, within 1 %; where the
     # edge fills the window, its width does not depend on the threshold. The power was chosen on discs of 3 to
-    # 6 px with a blur of 0.5 to 2 px (ADR 152)
+    # 8 px with a blur of 0.5 to 2 px (ADR 153)
     low, filled = dot.fit.low, sums.edges / (math.pi * dot.reach2)
     share = 1.0364 / (2.127 - 10.81 * low + 23.64 * low * low)
-    share += (1.0 - share) * min(filled, 1.0) ** 3
+    share += (1.0 - share) * min(filled, 1.0) ** 6
     out[row, EDGE] = share * sums.edges / (2.0 * math.sqrt(math.pi * total))
     out[row, CUT] = 0.0
     margin = min(x, size[0] - 1.0 - x, y, size[1] - 1.0 - y) + 0.5
@@ -286,7 +284,7 @@ def _passed_noise(
 ) -> float:
     """Noise of background and core, from their variances, that passes the soft threshold, px^4."""
     threshold = statistics.low[i] * statistics.contrast[i]
-    if threshold * threshold >= 36.0 * max(background_variance, core_variance):
+    if threshold * threshold >= NEGLIGIBLE * max(background_variance, core_variance):
         return 0.0
     trace = statistics.edge_xx[i] + statistics.edge_yy[i]
     outside = max(statistics.window[i] - 0.5 * trace, 0.0)
@@ -330,17 +328,20 @@ def add_noise(
             core_variance += own - background_variance
             background_variance = own
         spread, core_spread = statistics.background_spread[i], statistics.core_spread[i]
-        slopes = 2.0 * background_variance / spread if spread > 0.0 else 0.0
+        of_background = 2.0 * background_variance / spread if spread > 0.0 else 0.0
+        share = of_core = 0.0
         if core_spread > 0.0:
             expected, variance = even * (contrast / radius[i]) ** 2, 2.0 * core_variance / core_spread
             is_steep = square[i] > steep and _is_clear(xx, xy, yy, statistics.area[i], radius[i])
             share = 1.0 if is_steep else expected / (expected + variance)
-            slopes += share * variance
+            of_core = share * variance
             back = 0.5 * scale * (1.0 - share)
             out[i, X] += back * (xx * statistics.contrast_x[i] + xy * statistics.contrast_y[i])
             out[i, Y] += back * (xy * statistics.contrast_x[i] + yy * statistics.contrast_y[i])
         passed = _passed_noise(statistics, i, background_variance, core_variance)
-        edge, tilt = 0.5 * (background_variance + core_variance), 0.25 * slopes
+        # what the slope of the core does not follow, an error of the background's slope moves in full
+        edge = 0.5 * (background_variance + core_variance)
+        tilt = (1.0 - 0.5 * share) ** 2 * of_background + 0.25 * of_core
         scale *= scale
         out[i, CXX] += scale * (edge * xx + passed + tilt * (xx * xx + xy * xy))
         out[i, CXY] += scale * (edge * xy + tilt * xy * (xx + yy))

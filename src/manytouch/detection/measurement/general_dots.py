@@ -22,6 +22,7 @@ from manytouch.detection.measurement.records import (
     Moments,
     Pixels,
 )
+from manytouch.detection.measurement.sampling_pattern import window_radius
 
 
 @kernel()
@@ -154,7 +155,7 @@ def measure_general(
     pixels: Pixels, x: float, y: float, radius: float, noise: float, scratch: GeneralScratch
 ) -> MeasuredDot:
     """Measures the dot near (x, y); FOUND or NO_DOT."""
-    reach = 1.35 * radius + 1.2
+    reach = window_radius(radius)
     reach2 = reach * reach
     fit, moments = NO_FIT, NO_MOMENTS
     for attempt in range(3):

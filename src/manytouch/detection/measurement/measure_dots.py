@@ -27,7 +27,13 @@ from manytouch.detection.measurement.records import (
     X,
     Y,
 )
-from manytouch.detection.measurement.sampling_pattern import LANES, PARTS, SamplingPatterns, load_pattern
+from manytouch.detection.measurement.sampling_pattern import (
+    LANES,
+    PARTS,
+    SamplingPatterns,
+    load_pattern,
+    window_radius,
+)
 from manytouch.detection.measurement.simd_strip_sums import STRIP
 
 AHEAD = 3  # dots whose memory is requested early
@@ -46,8 +52,8 @@ class PlainScratch(NamedTuple):
     """Memory for the measurement of plain dots.
 
     Attributes:
-        offset: (192,) of the samples in the image.
-        samples: (3, 4, 64).
+        offset: (288,) of the samples in the image.
+        samples: (3, 4, 96).
         grey: (k,) window of a coloured image.
         work: (2, 8).
     """
@@ -139,7 +145,7 @@ def _measure_general_dots(
 @kernel()
 @no_type_check
 def _general_scratch(radius: Float64[np.ndarray, " n"]) -> GeneralScratch:
-    side = 2 * int(1.35 * max(radius.max(), 1.0) + 4.2) + 1
+    side = 2 * int(window_radius(max(radius.max(), 1.0)) + 3.0) + 1
     memory = np.empty((9, MOST_SAMPLES), dtype=np.float32)
     return GeneralScratch(
         np.empty((3, 2, MOST_SAMPLES), dtype=np.int32),

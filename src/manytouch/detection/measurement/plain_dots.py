@@ -21,7 +21,13 @@ from manytouch.detection.measurement.records import (
     Moments,
     Pixels,
 )
-from manytouch.detection.measurement.sampling_pattern import CORE, RING, WHOLE, LoadedPattern
+from manytouch.detection.measurement.sampling_pattern import (
+    CORE,
+    RING,
+    WHOLE,
+    LoadedPattern,
+    window_radius,
+)
 from manytouch.detection.measurement.simd_moments import (
     Window,
     gather,
@@ -33,6 +39,7 @@ from manytouch.detection.measurement.simd_moments import (
 from manytouch.detection.measurement.simd_strip_sums import STRIP
 
 SADDLE_RADIUS = 3.0  # px: smaller dots are not flat anywhere
+SADDLE_OFFSET = 0.03  # px^2: product of the offsets from which on a small dot has a saddle there itself
 
 
 @inlined_kernel()
@@ -90,7 +97,7 @@ def measure_plain(
     grey: Float32[np.ndarray, " k"], work: Float32[np.ndarray, "2 8"],
 ) -> MeasuredDot:  # fmt: skip
     """Measures the dot near (x, y); FOUND, NO_DOT or NOT_PLAIN."""
-    reach = 1.35 * radius + 1.2
+    reach = window_radius(radius)
     reach2 = reach * reach
     near_x, near_y, base = 0, 0, 0
     fit, moments = NO_FIT, NO_MOMENTS
@@ -102,7 +109,7 @@ def measure_plain(
         gather(pixels, base, pattern.offset, RING, pattern.ring)
         gather(pixels, base, pattern.offset, CORE, pattern.core)
         part_x, part_y = f32(x - near_x), f32(y - near_y)
-        status, fit = fit_plain_brightness(pattern, radius, part_x, part_y, noise)
+        status, fit = fit_plain_brightness(pattern, radius, (part_x, part_y), noise)
         if status != FOUND:
             return MeasuredDot(status, x, y, reach2, NO_FIT, NO_MOMENTS)
         moments = _moments_around(pixels, base, pattern, fit, grey, work)
@@ -116,10 +123,12 @@ def measure_plain(
             break
         x, y = near_x + dx, near_y + dy
     if SADDLE_RADIUS <= radius < PLANE_RADIUS:
+        dx, dy = moments.x / moments.total, moments.y / moments.total
         rise = saddle(pixels, base)
+        variance = rise * rise if abs(dx * dy) < SADDLE_OFFSET else -1.0
         fit = BrightnessFit(
             fit.background, fit.background_x, fit.background_y, fit.contrast, fit.contrast_x, fit.contrast_y,
-            fit.background_variance, fit.background_spread, fit.core_spread, rise * rise,
+            fit.background_variance, fit.background_spread, fit.core_spread, variance,
             fit.low,
         )  # fmt: skip
     return MeasuredDot(FOUND, float(near_x), float(near_y), reach2, fit, moments)

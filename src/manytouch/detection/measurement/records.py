@@ -18,9 +18,12 @@ from manytouch.compilation import inlined_kernel, no_type_check
 
 # Soft threshold on the coverage of a pixel by the dot: weight 0 below `low`, 1 above 1 - `low`, linear
 # between. `low` is between these two, see `soft_threshold`.
-LEAST_LOW, MOST_LOW = 0.05, 0.15
+LEAST_LOW, SMALL_LOW, MOST_LOW = 0.05, 0.1, 0.15
+SMALL_RADIUS, PLAIN_RADIUS = (
+    2.4,
+    3.0,
+)  # px: `low` is at least SMALL_LOW up to the first, LEAST_LOW from the second
 NOISES = 3.0  # deviations of a pixel that the threshold is at least
-SMALL_RADIUS, PLAIN_RADIUS = 2.4, 3.0  # px: up to the first `low` is the most, from the second on the least
 # Radius in px below which the core of a plain dot gets no plane of its own: it has too few pixels for that.
 PLANE_RADIUS = 6.2
 
@@ -120,14 +123,10 @@ def soft_threshold(noise: float, contrast: float, radius: float) -> float:
 
     Pixels are samples of the weight, whose sum depends on where the dot is within a pixel, the more the
     steeper it rises from 0 to 1. Noise of the background has to stay below the threshold, and so have the
-    blurred edges of small dots at the border of their window, which is as many pixels away from them. Of dots
-    with a plane of their own, a lower threshold adds more by the slopes of the planes than it removes.
+    blurred edges of small dots at the border of their window, which is as many pixels away from them.
     """
-    if radius >= PLANE_RADIUS:
-        return MOST_LOW
     part = min(max((radius - SMALL_RADIUS) / (PLAIN_RADIUS - SMALL_RADIUS), 0.0), 1.0)
-    least = max(MOST_LOW + part * (LEAST_LOW - MOST_LOW), NOISES * noise / contrast)
-    return min(least, MOST_LOW)
+    return min(max(SMALL_LOW + part * (LEAST_LOW - SMALL_LOW), NOISES * noise / contrast), MOST_LOW)
 
 
 class Moments(NamedTuple):

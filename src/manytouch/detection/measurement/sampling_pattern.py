@@ -1,8 +1,10 @@
 """Pixels that are read around a plain dot of a given radius, chosen so that loops over them run in SIMD
 lanes.
 
-In whole pixels from the one nearest to the dot: 64 of the background around it, 64 of its core, 64 of the
+In whole pixels from the one nearest to the dot: 96 of the background around it, 96 of its core, 96 of the
 whole dot, and a window of strips, 16 columns wide, that covers dot and edge. Similar radii share a pattern.
+Ring and core reach half a pixel farther than they are used: which of their samples are within the radii is
+decided from the centre of the dot, since a ring about the nearest pixel is nearer to the edge on one side.
 """
 
 # ruff: noqa: PLR0917 - compiled functions are called with positional arguments
@@ -18,11 +20,12 @@ from manytouch.detection.measurement.records import PLANE_RADIUS, Samples
 from manytouch.detection.measurement.simd_strip_sums import STRIP
 from manytouch.values.arrays import Scalars
 
-LANES = 64  # samples of each part
+LANES = 96  # samples of each part
 STEP = 1.03  # between the radii that have a pattern of their own
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 RING, CORE, WHOLE = 0, 1, 2
 PARTS = 3
+FAR = 1e4  # px: offset of lanes without a sample, which is within no radius
 
 
 class SamplingPatterns(NamedTuple):
@@ -30,7 +33,7 @@ class SamplingPatterns(NamedTuple):
 
     Attributes:
         row: (n,) pattern of each radius.
-        offset: (p, 2, 192) x and y of ring, core and whole dot.
+        offset: (p, 2, 288) x and y of ring, core and whole dot.
         mask: (p, k) bits of the pixels of the window that count: strip after strip, row after row.
         number: (p, 3) samples of ring, core and whole dot.
         reach: (p,) largest offset of all.
@@ -51,34 +54,12 @@ class SamplingPatterns(NamedTuple):
         return self._replace(row=self.row[chosen])
 
 
-class SampleShape(NamedTuple):
-    """Where the samples of a part are.
-
-    Attributes:
-        number: of samples.
-        mean_x, mean_y: mean offset.
-        spread: sum of squares about the mean.
-        inverse_xx, inverse_xy, inverse_yy: inverse of the matrix of the second moments; 0 if too few
-            samples for a plane with a slope.
-    """
-
-    number: float
-    mean_x: float
-    mean_y: float
-    spread: float
-    inverse_xx: float
-    inverse_xy: float
-    inverse_yy: float
-
-
 class LoadedPattern(NamedTuple):
     """One pattern, prepared for one image.
 
     Attributes:
-        offset: (192,) of the samples in the flat image.
-        ring, core, whole: memory for the samples; their offsets are filled in.
-        ring_shape, core_shape: of these offsets.
-        core_count: samples of the core.
+        offset: (288,) of the samples in the flat image.
+        ring, core, whole: memory for the samples; their offsets are filled in, FAR where there is no sample.
         reach, half, strips, mask: as in `SamplingPatterns`.
     """
 
@@ -86,9 +67,6 @@ class LoadedPattern(NamedTuple):
     ring: Samples
     core: Samples
     whole: Samples
-    ring_shape: SampleShape
-    core_shape: SampleShape
-    core_count: int
     reach: int
     half: int
     strips: int
@@ -118,9 +96,16 @@ def sampling_patterns(radius_px: Scalars) -> SamplingPatterns:
 
 @kernel()
 @no_type_check
+def window_radius(radius: float) -> float:
+    """Radius of the window, about the centre of a dot, whose pixels are summed up."""
+    return max(1.35 * radius + 1.2, radius + 2.2)
+
+
+@kernel()
+@no_type_check
 def _half(radius: float) -> int:
     """Rows above the middle one, and columns to the left of it."""
-    return int(1.35 * radius + 1.5)
+    return int(window_radius(radius) + 0.3)
 
 
 @kernel()
@@ -131,41 +116,57 @@ def _strips(radius: float) -> int:
 
 @kernel()
 @no_type_check
+def _add_pixel(offset: Int32[np.ndarray, "2 k"], first: int, count: int, u: int, v: int) -> int:
+    """Adds a pixel to those of a part, unless it is one of them. Returns how many there are."""
+    for k in range(first, first + count):
+        if offset[0, k] == u and offset[1, k] == v:
+            return count
+    offset[0, first + count], offset[1, first + count] = u, v
+    return count + 1
+
+
+@kernel()
+@no_type_check
 def _spread_between(inner: float, outer: float, offset: Int32[np.ndarray, "2 k"], first: int) -> int:
-    """Up to LANES different pixels, evenly spread between two radii, inner ones first. Returns how many."""
-    count, tries = 0, 2 * LANES
+    """Up to LANES different pixels, evenly spread between two radii, inner ones first. Returns how many.
+
+    Each has its opposite, so that what depends on the distance from the middle alone has no slope.
+    """
+    count, pairs = 0, LANES // 2
     area = math.pi * (outer * outer - inner * inner)
     wanted = min(LANES, int(area) + 1)
-    # twice as many positions as lanes are tried, since some are in the same pixel
-    for trial in range(tries):
-        if count >= wanted:
+    # twice as many positions as needed are tried, since some are in the same pixel
+    for trial in range(2 * pairs):
+        if count + 2 > wanted:
             break
-        part = ((trial % LANES) + 0.5 * (1 + trial // LANES)) / LANES
+        part = ((trial % pairs) + 0.5 * (1 + trial // pairs)) / pairs
         distance = math.sqrt(inner * inner + (outer * outer - inner * inner) * min(part, 1.0))
         u = math.floor(distance * math.cos(trial * GOLDEN_ANGLE) + 0.5)
         v = math.floor(distance * math.sin(trial * GOLDEN_ANGLE) + 0.5)
-        is_new = True
-        for k in range(count):
-            if offset[0, first + k] == u and offset[1, first + k] == v:
-                is_new = False
-        if is_new:
-            offset[0, first + count], offset[1, first + count] = u, v
-            count += 1
+        count = _add_pixel(offset, first, count, u, v)
+        count = _add_pixel(offset, first, count, -u, -v)
     return count
 
 
 @kernel()
 @no_type_check
+def ring_radii(radius: float) -> tuple[float, float]:
+    """Inner and outer radius of the ring of background around a dot."""
+    return 1.3 * radius + 1.5, 1.75 * radius + 1.8
+
+
+@kernel()
+@no_type_check
 def core_radius(radius: float) -> float:
-    """Radius of the core of a dot that is large enough for a plane of its own."""
-    return max(0.5 * radius, min(0.65 * radius, radius - 2.75))
+    """Radius of the core of a dot, which is free of its edge where it is large enough for that."""
+    return max(0.9, 0.5 * radius, min(0.65 * radius, radius - 2.75))
 
 
 @kernel()
 @no_type_check
 def _fill_small_core(radius: float, offset: Int32[np.ndarray, "2 k"]) -> int:
     """All pixels of a small core, inner ones first. Returns how many."""
-    reach, number = max(0.5 * radius, 0.9) + 0.75, 0
+    reach, number = core_radius(radius) + 0.75, 0
     for limit in range(int(reach * reach) + 1):
         for v in range(-int(reach), int(reach) + 1):
             for u in range(-int(reach), int(reach) + 1):
@@ -180,41 +181,21 @@ def _fill_small_core(radius: float, offset: Int32[np.ndarray, "2 k"]) -> int:
 def _fill_pattern(radius: float, row: int, patterns: SamplingPatterns) -> None:
     """One row of `sampling_patterns`."""
     offset, count, mask = patterns.offset[row], patterns.number[row], patterns.mask[row]
-    count[RING] = _spread_between(1.3 * radius + 1.0, 1.75 * radius + 1.5, offset, RING * LANES)
+    inner, outer = ring_radii(radius)
+    count[RING] = _spread_between(inner - 0.5, outer + 0.5, offset, RING * LANES)
     if radius >= PLANE_RADIUS:
-        count[CORE] = _spread_between(0.0, core_radius(radius), offset, CORE * LANES)
+        count[CORE] = _spread_between(0.0, core_radius(radius) + 0.5, offset, CORE * LANES)
     else:
         count[CORE] = _fill_small_core(radius, offset)
     count[WHOLE] = _spread_between(0.0, 1.4 * radius + 0.7, offset, WHOLE * LANES)
-    reach, half = 1.35 * radius + 1.5, _half(radius)
+    reach, half = window_radius(radius) + 0.3, _half(radius)
     patterns.half[row], patterns.strips[row] = half, _strips(radius)
-    patterns.reach[row] = max(int(1.75 * radius + 2.5), half + 2)
+    patterns.reach[row] = max(int(outer + 1.0), half + 2)
     for v in range(-half, half + 1):
         for u in range(-half, half + 1):
             if u * u + v * v <= reach * reach:
                 strip, lane = (u + half) // STRIP, (u + half) % STRIP
                 mask[strip * (2 * half + 1) + v + half] |= np.uint16(1 << lane)
-
-
-@inlined_kernel()
-@no_type_check
-def _shape_of(samples: Samples, count: int) -> SampleShape:
-    sum_x = sum_y = 0.0
-    for k in range(count):
-        sum_x += samples.dx[k]
-        sum_y += samples.dy[k]
-    mean_x, mean_y = sum_x / count, sum_y / count
-    xx = xy = yy = 0.0
-    for k in range(count):
-        x, y = samples.dx[k] - mean_x, samples.dy[k] - mean_y
-        xx += x * x
-        xy += x * y
-        yy += y * y
-    determinant = xx * yy - xy * xy
-    if count >= 6 and determinant > 0.0125 * (xx + yy) ** 2:
-        each = 1.0 / determinant
-        return SampleShape(float(count), mean_x, mean_y, xx + yy, yy * each, -xy * each, xx * each)
-    return SampleShape(float(count), mean_x, mean_y, xx + yy, 0.0, 0.0, 0.0)
 
 
 @inlined_kernel()
@@ -226,8 +207,9 @@ def _load_part(
     """Writes the offsets of a part; `stride` is that of a row and of a pixel of the flat image."""
     for k in range(LANES):
         u, v = patterns.offset[row, 0, part * LANES + k], patterns.offset[row, 1, part * LANES + k]
-        samples.dx[k], samples.dy[k] = u, v
-        samples.used[k] = 1.0 if k < patterns.number[row, part] else 0.0
+        is_sample = k < patterns.number[row, part]
+        samples.dx[k], samples.dy[k] = u if is_sample else FAR, v
+        samples.used[k] = 1.0 if is_sample else 0.0
         flat_offset[part * LANES + k] = i64(v) * stride[0] + u * stride[1]
 
 
@@ -246,7 +228,6 @@ def load_pattern(
     _load_part(patterns, row, WHOLE, stride, flat_offset, whole)
     return LoadedPattern(
         flat_offset, ring, core, whole,
-        _shape_of(ring, patterns.number[row, RING]), _shape_of(core, patterns.number[row, CORE]),
-        patterns.number[row, CORE], patterns.reach[row], i64(patterns.half[row]),
+        patterns.reach[row], i64(patterns.half[row]),
         i64(patterns.strips[row]), patterns.mask[row],
     )  # fmt: skip

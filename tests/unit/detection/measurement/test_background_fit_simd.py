@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from manytouch.detection.measurement.background_fit_simd import fit_even_plane, middle_quantile
+from manytouch.detection.measurement.background_fit_simd import fit_all, middle_quantile, use_between
 from manytouch.detection.measurement.records import Samples
-from manytouch.detection.measurement.sampling_pattern import LANES, SampleShape
+from manytouch.detection.measurement.sampling_pattern import FAR, LANES
 
 
 def samples_of(seed: int, count: int) -> Samples:
@@ -15,28 +15,25 @@ def samples_of(seed: int, count: int) -> Samples:
     return Samples(dx, dy, value, (np.arange(LANES) < count).astype(np.float32))
 
 
-def shape_of(samples: Samples) -> SampleShape:
-    chosen = samples.used > 0.0
-    place = np.stack([samples.dx[chosen], samples.dy[chosen]]).astype(float)
-    mean = place.mean(axis=1)
-    moments = (place - mean[:, None]) @ (place - mean[:, None]).T
-    inverse = np.linalg.inv(moments)
-    return SampleShape(
-        float(chosen.sum()), *mean, np.trace(moments), inverse[0, 0], inverse[0, 1], inverse[1, 1]
-    )
-
-
 @pytest.mark.parametrize("count", [LANES, 20])
-def test_the_even_plane_is_that_of_least_squares(count: int) -> None:
+def test_the_plane_of_all_is_that_of_least_squares(count: int) -> None:
     samples = samples_of(count, count)
     matrix = np.column_stack([np.ones(count), samples.dx[:count], samples.dy[:count]]).astype(float)
     value = samples.value[:count].astype(float)
     expected, squares, _, _ = np.linalg.lstsq(matrix, value, rcond=None)
-    plane, found_squares, mean = fit_even_plane(samples, shape_of(samples))
+    plane = fit_all(samples)
     np.testing.assert_allclose(plane[:3], expected, rtol=1e-4, atol=1e-3)
-    assert found_squares == pytest.approx(float(squares[0]), rel=1e-3)
     assert plane.variance == pytest.approx(float(squares[0]) / (count - 3), rel=1e-3)
-    assert mean == pytest.approx(value.mean(), rel=1e-5)
+
+
+def test_samples_are_used_by_their_distance_from_the_centre() -> None:
+    samples = samples_of(1, LANES)
+    samples.dx[50:] = FAR
+    part, radii = (0.4, -0.3), (3.0, 7.5)
+    distance = np.hypot(samples.dx - part[0], samples.dy - part[1])
+    expected = (distance >= radii[0]) & (distance <= radii[1])
+    assert use_between(samples, part, radii) == expected.sum() > 10
+    np.testing.assert_array_equal(samples.used, expected)
 
 
 @pytest.mark.parametrize("quantile", [0.4, 0.55])

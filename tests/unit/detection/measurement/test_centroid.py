@@ -50,12 +50,26 @@ def test_no_bias_without_noise(radius_px: float, look: Look, sign: float) -> Non
     assert np.median(dots.contrast) == pytest.approx(abs(look.dot - look.ground), rel=0.15)
 
 
-@pytest.mark.parametrize(("radius_px", "limit_px"), [(3.0, 0.006), (4.0, 0.004), (5.0, 0.003), (6.0, 0.003)])
+@pytest.mark.parametrize(
+    ("radius_px", "limit_px"),
+    [(1.8, 0.008), (2.4, 0.006), (3.0, 0.006), (4.0, 0.004), (5.0, 0.003), (6.0, 0.003), (8.0, 0.003)],
+)
 def test_the_error_hardly_depends_on_the_place_within_a_pixel(radius_px: float, limit_px: float) -> None:
     """On a regular print such errors repeat every few markers, and look like a load."""
     centre_px = dots_at(6.0 * radius_px)
     error_px = measured(render(centre_px, radius_px, LIGHT_DOTS), centre_px, radius_px).centre_px - centre_px
     assert np.sqrt((error_px**2).mean()) < limit_px
+
+
+@pytest.mark.parametrize(
+    ("radius_px", "blur_px", "limit_px"),
+    [(2.0, 1.2, 0.014), (3.0, 1.2, 0.01), (4.0, 1.2, 0.006), (5.0, 1.6, 0.01), (8.0, 1.6, 0.015)],
+)
+def test_nor_does_it_where_the_dots_are_blurred(radius_px: float, blur_px: float, limit_px: float) -> None:
+    centre_px = dots_at(6.0 * radius_px)
+    image = render(centre_px, radius_px, LIGHT_DOTS, blur_px=blur_px)
+    error_px = measured(image, centre_px, radius_px).centre_px - centre_px
+    assert np.sqrt(((error_px - error_px.mean(axis=0)) ** 2).mean()) < limit_px
 
 
 @pytest.mark.parametrize("blur_px", [0.5, 1.0, 2.0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from manytouch.detection.measurement.covariance import MODEL, add_noise, pixel_noise
+from manytouch.detection.measurement.covariance import MODEL, NEGLIGIBLE, add_noise, pixel_noise
 from manytouch.detection.measurement.records import COLUMNS, CXX, CXY, CYY, DotStatistics, X, Y
 
 
@@ -83,15 +83,16 @@ def numpy_added(of: DotStatistics, radius: np.ndarray, is_light: bool) -> np.nda
     with np.errstate(divide="ignore"):
         own = np.where(has_plane, 2.0 * there / of.core_spread, 0.0)
     expected = even * (of.contrast / radius) ** 2
-    share = np.where(steep, 1.0, expected / (expected + own))
-    slopes = 2.0 * here / of.background_spread + share * own
+    share = np.where(has_plane, np.where(steep, 1.0, expected / (expected + own)), 0.0)
+    slopes = (1.0 - 0.5 * share) ** 2 * 2.0 * here / of.background_spread + 0.25 * share * own
     back = np.where(has_plane, 0.5 * of.scale * (1.0 - share), 0.0)
     outside = np.maximum(of.window - 0.5 * (xx + yy), 0.0)
     inside_px4 = np.clip(of.area**2 / (4.0 * np.pi) - 0.25 * (xx + yy), 0.0, outside)
     threshold = of.low * of.contrast
     passed = (outside - inside_px4) * here * tail(threshold / np.sqrt(here))
     passed += inside_px4 * there * tail(threshold / np.sqrt(there))
-    edge, tilt, k2 = 0.5 * (here + there), 0.25 * slopes, of.scale**2
+    passed[threshold**2 >= NEGLIGIBLE * np.maximum(here, there)] = 0.0
+    edge, tilt, k2 = 0.5 * (here + there), slopes, of.scale**2
     return np.stack(
         [
             back * (xx * of.contrast_x + xy * of.contrast_y),

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from manytouch.detection import measure
+from manytouch.detection.measurement.sampling_pattern import ring_radii
 from manytouch.simulation.render.discs import Look, render_discs
 
 WIDTH, HEIGHT = 320, 200
@@ -21,7 +22,7 @@ def test_the_general_and_the_plain_way_agree(radius_px: float) -> None:
     # cropped so that the sampling pattern no longer fits, while all of the dot does
     centre_px = np.array([[160.3, 100.4]])
     image = render(centre_px, radius_px, Look(ground=45.0, dot=205.0, read_noise=1.0))
-    side = int(1.5 * radius_px + 2.0)
+    side = int(ring_radii(radius_px)[1])
     x, y = 160 - side, 100 - side
     near = image[y : y + 2 * side + 1, x : x + 2 * side + 1]
     corner = np.array([x, y], dtype=float)

@@ -2,7 +2,15 @@
 
 import numpy as np
 
-from manytouch.detection.measurement.sampling_pattern import CORE, LANES, RING, STEP, sampling_patterns
+from manytouch.detection.measurement.sampling_pattern import (
+    CORE,
+    LANES,
+    RING,
+    STEP,
+    ring_radii,
+    sampling_patterns,
+    window_radius,
+)
 from manytouch.detection.measurement.simd_strip_sums import STRIP
 
 
@@ -14,6 +22,9 @@ def test_samples_and_mask_cover_ring_core_and_window() -> None:
         offset, number = patterns.offset[row], patterns.number[row]
         ring = np.hypot(*offset[:, RING * LANES : RING * LANES + number[RING]])
         assert (ring > radius + 0.5).all()
+        assert np.abs(offset[:, RING * LANES : RING * LANES + number[RING]].sum(axis=1)).max() == 0
+        inner, outer = ring_radii(radius)
+        assert ((ring > 0.95 * inner - 1.3) & (ring < 1.05 * outer + 1.3)).all()
         core = np.hypot(*offset[:, CORE * LANES : CORE * LANES + number[CORE]])
         assert (core < max(0.75 * radius, 1.9)).all()
         for part, values in ((RING, ring), (CORE, core)):
@@ -24,7 +35,7 @@ def test_samples_and_mask_cover_ring_core_and_window() -> None:
         bits = np.hstack([rows[:, [s]] >> np.arange(STRIP) & 1 for s in range(strips)])[:, : 2 * half + 1]
         u, v = np.meshgrid(np.arange(-half, half + 1), np.arange(-half, half + 1))
         shared_radius = STEP ** np.rint(np.log(radius) / np.log(STEP))
-        np.testing.assert_array_equal(bits, np.hypot(u, v) <= 1.35 * shared_radius + 1.5)
+        np.testing.assert_array_equal(bits, np.hypot(u, v) <= window_radius(shared_radius) + 0.3)
         assert bits.sum() == sum(int(bits).bit_count() for bits in patterns.mask[row])
         assert patterns.reach[row] >= max(np.abs(offset).max(), half)
 
