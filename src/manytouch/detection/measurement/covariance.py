@@ -60,7 +60,7 @@ class NoiseModel(NamedTuple):
     outlier_of_one: float = 9.0
     texture: float = 2.0
     floor_px: float = 0.0015
-    floor_px3: float = 0.016
+    floor_px3: float = 0.03
 
 
 class PixelNoise(NamedTuple):
@@ -301,6 +301,7 @@ def add_noise(
     statistics: DotStatistics,
     radius: Float64[np.ndarray, " n"],
     is_light: bool,
+    fine_noise: float,
     out: Float64[np.ndarray, "n 9"],
 ) -> None:
     """Adds to the measured dots what noise and the slopes of the light do to centres and covariances.
@@ -309,6 +310,7 @@ def add_noise(
         statistics: of all dots.
         radius: expected radii, px.
         is_light: whether a dot's core gets more light than its background.
+        fine_noise: standard deviation of neighbouring pixels, grey levels, without smooth shading.
         out: measured dots; centres and covariances are changed.
     """
     noise = pixel_noise(statistics, is_light)
@@ -323,12 +325,14 @@ def add_noise(
         background_variance = noise.background + noise.growth * (statistics.background[i] - noise.level)
         background_variance = max(background_variance, MODEL.least_variance)
         core_variance = max(background_variance + noise.growth * contrast, MODEL.least_variance)
+        # smooth shading in the ring moves its plane, but always alike
+        slope_variance = min(background_variance, max(fine_noise * fine_noise, MODEL.least_variance))
         own = statistics.background_variance[i]
         if own > MODEL.texture * background_variance:
             core_variance += own - background_variance
-            background_variance = own
+            background_variance = slope_variance = own
         spread, core_spread = statistics.background_spread[i], statistics.core_spread[i]
-        of_background = 2.0 * background_variance / spread if spread > 0.0 else 0.0
+        of_background = 2.0 * slope_variance / spread if spread > 0.0 else 0.0
         share = of_core = 0.0
         if core_spread > 0.0:
             expected, variance = even * (contrast / radius[i]) ** 2, 2.0 * core_variance / core_spread

@@ -201,4 +201,4 @@ def measure_dots(
     _measure_plain_dots(pixels, expected, patterns, options, scratch, statistics, status, out)
     if (status != FOUND).any():
         _measure_general_dots(pixels, expected, options, statistics, status, out)
-    add_noise(statistics, radius, weights.sum() >= 0.0, out)
+    add_noise(statistics, radius, weights.sum() >= 0.0, options[0], out)

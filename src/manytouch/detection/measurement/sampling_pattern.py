@@ -159,7 +159,7 @@ def ring_radii(radius: float) -> tuple[float, float]:
 @no_type_check
 def core_radius(radius: float) -> float:
     """Radius of the core of a dot, which is free of its edge where it is large enough for that."""
-    return max(0.9, 0.5 * radius, min(0.65 * radius, radius - 2.75))
+    return max(0.9, 0.5 * radius, min(0.6 * radius, radius - 3.25))
 
 
 @kernel()

@@ -7,6 +7,8 @@ from scipy.special import ndtr
 from manytouch.detection.measurement.covariance import MODEL, NEGLIGIBLE, add_noise, pixel_noise
 from manytouch.detection.measurement.records import COLUMNS, CXX, CXY, CYY, DotStatistics, X, Y
 
+FINE_NOISE = 2.3  # grey levels, less than that of the backgrounds
+
 
 def random_statistics(seed: int, number: int = 60) -> tuple[DotStatistics, np.ndarray]:
     rng = np.random.default_rng(seed)
@@ -74,17 +76,18 @@ def numpy_added(of: DotStatistics, radius: np.ndarray, is_light: bool) -> np.nda
     here = np.maximum(background + growth * (of.background - level), MODEL.least_variance)
     there = np.maximum(here + growth * of.contrast, MODEL.least_variance)
     excess = np.where(of.background_variance > MODEL.texture * here, of.background_variance - here, 0.0)
+    of_slopes = np.where(excess > 0.0, here + excess, np.minimum(here, FINE_NOISE**2))
     here, there = here + excess, there + excess
     xx, xy, yy = of.edge_xx, of.edge_xy, of.edge_yy
     root = np.sqrt((0.5 * (xx - yy)) ** 2 + xy**2)
     axis = np.sqrt(of.area / np.pi * np.sqrt((0.5 * (xx + yy) - root) / (0.5 * (xx + yy) + root)))
-    core_radius = np.maximum(0.5 * radius, np.minimum(0.65 * radius, radius - 2.75))
+    core_radius = np.maximum(0.5 * radius, np.minimum(0.6 * radius, radius - 3.25))
     steep = (square > limit) & (axis > core_radius + MODEL.clearance_px)
     with np.errstate(divide="ignore"):
         own = np.where(has_plane, 2.0 * there / of.core_spread, 0.0)
     expected = even * (of.contrast / radius) ** 2
     share = np.where(has_plane, np.where(steep, 1.0, expected / (expected + own)), 0.0)
-    slopes = (1.0 - 0.5 * share) ** 2 * 2.0 * here / of.background_spread + 0.25 * share * own
+    slopes = (1.0 - 0.5 * share) ** 2 * 2.0 * of_slopes / of.background_spread + 0.25 * share * own
     back = np.where(has_plane, 0.5 * of.scale * (1.0 - share), 0.0)
     outside = np.maximum(of.window - 0.5 * (xx + yy), 0.0)
     inside_px4 = np.clip(of.area**2 / (4.0 * np.pi) - 0.25 * (xx + yy), 0.0, outside)
@@ -112,7 +115,7 @@ def test_added_noise_is_that_of_numpy(seed: int, is_light: bool) -> None:
     noise = pixel_noise(statistics, is_light)
     np.testing.assert_allclose(noise, numpy_noise(statistics, is_light), rtol=1e-9)
     out = np.zeros((len(radius), COLUMNS))
-    add_noise(statistics, radius, is_light, out)
+    add_noise(statistics, radius, is_light, FINE_NOISE, out)
     expected = numpy_added(statistics, radius, is_light)
     np.testing.assert_allclose(out[:, [X, Y, CXX, CXY, CYY]], expected, rtol=1e-9, atol=1e-15)
 
@@ -120,11 +123,11 @@ def test_added_noise_is_that_of_numpy(seed: int, is_light: bool) -> None:
 def test_missing_dots_stay_missing_and_do_not_count() -> None:
     statistics, radius = random_statistics(1)
     whole = np.zeros((len(radius), COLUMNS))
-    add_noise(statistics, radius, True, whole)
+    add_noise(statistics, radius, True, FINE_NOISE, whole)
     padded = DotStatistics(*(np.append(values, 0.0) for values in statistics))
     padded.background_variance[-1] = padded.core_variance[-1] = -1.0
     out = np.zeros((len(radius) + 1, COLUMNS))
     out[-1] = np.nan
-    add_noise(padded, np.append(radius, 5.0), True, out)
+    add_noise(padded, np.append(radius, 5.0), True, FINE_NOISE, out)
     assert np.isnan(out[-1]).all()
     np.testing.assert_allclose(out[:-1], whole, rtol=1e-12, atol=1e-18)
