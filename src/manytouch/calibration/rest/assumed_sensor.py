@@ -28,7 +28,7 @@ from manytouch.tracking.lattice.arrange import Arrangement
 from manytouch.values import Camera, Frame, Layout, Polarity, Roi, Sensor
 from manytouch.values.arrays import plain, read_only
 from manytouch.values.images.roi import require_roi
-from manytouch.values.sensor_file.assumed_sheet import THICKNESS_PITCHES, assumed_sheet
+from manytouch.values.sensor_file.assumed_sheet import ASSUMED_SHEET, assumed_sheet
 
 __all__ = ["register_rest", "sensor_from_dots", "sensor_from_rest"]
 
@@ -233,9 +233,7 @@ def _assumptions(
             f"The pitch in the image differs by {np.expm1(abs(differs)):.0%} along x and y; {pitch_mm:g} mm "
             "is taken as the geometric mean of both: give --pitch-mm X,Y if they differ on the sheet."
         )
-    sentences.append(
-        f"The sheet is {THICKNESS_PITCHES} pitches thick and extends one pitch beyond its outermost markers."
-    )
+    sentences.append(ASSUMED_SHEET)
     if still.moved and len(still.frames) == 1:
         sentences.append(
             "The sheet is at rest in the early frame in which its markers are most evenly spaced. They move "
