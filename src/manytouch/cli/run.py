@@ -99,7 +99,7 @@ def run(
     reporter = Reporter(bar=False)
     address = None if no_view else ViewerAddress(host=host, port=port, token=token, max_clients=max_clients)
     outputs = Outputs(to=to, address=address, reporter=reporter)
-    with StopOnSignal() as stop:
+    with StopOnSignal(is_live=True) as stop:
         if is_playback(source, record, out, method, sensor, pitch_mm, hfov_deg, roi, fps, parameters):
             playback = Playback(Path(source), stays=address is not None)
             return show_playback(playback, outputs, stop)

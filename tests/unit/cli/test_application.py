@@ -15,6 +15,7 @@ from cyclopts import App
 from manytouch.cli import COMMANDS, OPTIONS, main
 from manytouch.cli.application import application
 from manytouch.cli.terminal import method_options, options
+from manytouch.cli.terminal.failures import StandardOutput
 from manytouch.cli.terminal.interrupt import StopOnSignal
 from manytouch.errors import ManytouchError
 from manytouch.session.results import result_names
@@ -76,6 +77,41 @@ def test_standard_output_on_a_full_disk_is_one_sentence(words, unbuffered):
         "manytouch: cannot print to standard output (No space left on device): free some space there, or "
         "send it elsewhere\n"
     )
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is always full")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("has_reader", [True, False])
+def test_files_are_complete_though_standard_output_cannot_be_written(
+    tmp_path: Path, unbuffered: str, *, has_reader: bool
+):
+    words = ["design", "--out", str(tmp_path / "sensor"), "--parts", "none"]
+    if has_reader:
+        output = os.open("/dev/full", os.O_WRONLY)
+    else:
+        read, output = os.pipe()
+        os.close(read)
+    done = subprocess.run(
+        [sys.executable, "-m", "manytouch", *words],
+        stdout=output,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+    )
+    os.close(output)
+    assert (tmp_path / "sensor" / "design.md").exists()
+    assert done.returncode == int(has_reader)
+    assert ("cannot print to standard output" in done.stderr) == has_reader
+    assert "internal error" not in done.stderr
+
+
+def test_a_live_session_ends_when_nobody_reads_its_output(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(StandardOutput, "error", BrokenPipeError())
+    assert StopOnSignal(is_live=True)()
+    assert not StopOnSignal()()
+    monkeypatch.setattr(StandardOutput, "error", OSError(28, "No space left on device"))
+    assert not StopOnSignal(is_live=True)()
 
 
 def test_the_viewer_has_the_defaults_of_its_options():

@@ -94,7 +94,7 @@ def run_rig_file(
     if page is not None:
         log.on_note(rig.name, f"all sensors at {page.url}")
     try:
-        with StopOnSignal() as stop:
+        with StopOnSignal(is_live=True) as stop:
             states = run_rig(
                 rig,
                 log,
