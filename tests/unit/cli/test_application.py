@@ -12,12 +12,13 @@ from pathlib import Path
 import pytest
 from cyclopts import App
 
+from manytouch.calibration import sensor_from_rest
 from manytouch.cli import COMMANDS, OPTIONS, main
 from manytouch.cli.application import application
 from manytouch.cli.terminal import method_options, options
 from manytouch.cli.terminal.failures import StandardOutput
 from manytouch.cli.terminal.interrupt import StopOnSignal
-from manytouch.errors import ManytouchError
+from manytouch.errors import ManytouchError, SensorError
 from manytouch.session.results import result_names
 from manytouch.sinks.viewer import Viewer
 from manytouch.values import Interpolation
@@ -112,6 +113,16 @@ def test_a_live_session_ends_when_nobody_reads_its_output(monkeypatch: pytest.Mo
     assert not StopOnSignal()()
     monkeypatch.setattr(StandardOutput, "error", OSError(28, "No space left on device"))
     assert not StopOnSignal(is_live=True)()
+
+
+@pytest.mark.parametrize("given", ["0.5", "179.5"])
+def test_the_command_line_and_python_allow_the_same_fields_of_view(
+    given: str, capsys: pytest.CaptureFixture[str]
+):
+    assert main(["process", __file__, "--out", "o", "--hfov-deg", given]) == 2
+    assert "from 1 to 179" in capsys.readouterr().err
+    with pytest.raises(SensorError, match="between 1 and 179"):
+        sensor_from_rest([], name="any", hfov_deg=float(given))
 
 
 def test_the_viewer_has_the_defaults_of_its_options():

@@ -23,7 +23,7 @@ from manytouch.calibration.rest_dots import RestDots
 from manytouch.calibration.separate_groups import separate_regions
 from manytouch.errors import SensorError, require_type
 from manytouch.geometry.camera import onto_plane
-from manytouch.limits import LARGEST_NUMBER
+from manytouch.limits import LARGEST_NUMBER, LEAST_HFOV_DEG, MOST_HFOV_DEG
 from manytouch.tracking.lattice.arrange import Arrangement
 from manytouch.values import Camera, Frame, Layout, Polarity, Roi, Sensor
 from manytouch.values.arrays import plain, read_only
@@ -151,9 +151,10 @@ def _check_numbers(pitch_mm: float | tuple[float, float] | None, hfov_deg: float
             f"a pitch of {pitch_mm} mm was given, but a pitch is a length from {least:g} to "
             f"{LARGEST_NUMBER:g} mm, or two: P or X,Y"
         )
-    if hfov_deg is not None and not 1.0 <= hfov_deg < 179.0:
+    if hfov_deg is not None and not LEAST_HFOV_DEG <= hfov_deg <= MOST_HFOV_DEG:
         raise SensorError(
-            f"a horizontal field of view of {hfov_deg} degrees was given, but it must lie between 1 and 179"
+            f"a horizontal field of view of {hfov_deg} degrees was given, but it must lie between "
+            f"{LEAST_HFOV_DEG:g} and {MOST_HFOV_DEG:g}"
         )
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter, Token, validators
 
 from manytouch.cli.terminal.failures import usage_error
-from manytouch.limits import HIGHEST_FPS, LARGEST_NUMBER
+from manytouch.limits import HIGHEST_FPS, LARGEST_NUMBER, LEAST_HFOV_DEG, MOST_HFOV_DEG
 
 Method = Literal["mechanics", "perimeter", "paper"]
 
@@ -35,15 +35,16 @@ def _pitch(_: Any, tokens: Sequence[Token]) -> float | tuple[float, float]:
     return found[0] if len(found) == 1 else (found[0], found[1])
 
 
-def _fps(_: Any, tokens: Sequence[Token]) -> float:
-    (fps,) = _numbers(tokens, (1,), "a number of frames per second")
-    least = 1.0 / HIGHEST_FPS
-    if not least <= fps <= HIGHEST_FPS:
-        raise ValueError(
-            f"expected a number of frames per second from {least:g} to {HIGHEST_FPS:g}, "
-            f"found {tokens[0].value!r}"
-        )
-    return fps
+def _between(what: str, least: float, most: float) -> Any:
+    """A converter for numbers in a range."""
+
+    def convert(_: Any, tokens: Sequence[Token]) -> float:
+        (value,) = _numbers(tokens, (1,), what)
+        if not least <= value <= most:
+            raise ValueError(f"expected {what} from {least:g} to {most:g}, found {tokens[0].value!r}")
+        return value
+
+    return convert
 
 
 def numbers(count: int, form: str) -> Any:
@@ -128,14 +129,13 @@ def refuse_two_scales(verb: str, sensor: str | None, pitch_mm: object, hfov_deg:
         raise usage_error(verb, "a sensor file contains pitch and camera: omit --pitch-mm and --hfov-deg")
 
 
-def positive(what: str, below: float | None = None) -> Any:
-    """A converter for positive numbers, optionally below a limit."""
+def positive(what: str) -> Any:
+    """A converter for positive numbers."""
 
     def convert(_: Any, tokens: Sequence[Token]) -> float:
         (value,) = _numbers(tokens, (1,), what)
-        if not value > 0 or (below is not None and value >= below):
-            limit = "" if below is None else f" and less than {below:g}"
-            raise ValueError(f"expected {what} above 0{limit}, found {tokens[0].value}")
+        if not value > 0:
+            raise ValueError(f"expected {what} above 0, found {tokens[0].value}")
         return value
 
     return convert
@@ -240,7 +240,7 @@ HfovDeg = Annotated[
     Parameter(
         name="--hfov-deg",
         metavar="A",
-        converter=positive("an angle in degrees", 180.0),
+        converter=_between("an angle in degrees", LEAST_HFOV_DEG, MOST_HFOV_DEG),
         n_tokens=1,
         help="Horizontal field of view of the camera. Without it 60 degrees is assumed.",
     ),
@@ -271,7 +271,7 @@ Fps = Annotated[
     Parameter(
         name="--fps",
         metavar="F",
-        converter=_fps,
+        converter=_between("a number of frames per second", 1.0 / HIGHEST_FPS, HIGHEST_FPS),
         n_tokens=1,
         help="Override the frame rate, frames per second.",
     ),
