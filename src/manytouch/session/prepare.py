@@ -9,6 +9,7 @@ from types import NoneType
 from typing import Any
 
 from manytouch.blas_threads import limit_blas_threads
+from manytouch.calibration.rest.register_rest import require_markers
 from manytouch.errors import ManytouchError, SensorError, SourceError, require_type, without_password
 from manytouch.pipeline import Pipeline, Sink
 from manytouch.session.background_iterator import BackgroundIterator, short_switch_interval
@@ -210,6 +211,8 @@ def prepare(
     if method is not None:
         pipeline_for(method, roi_px, parameters)  # reports a wrong name before anything is opened
     given = sensor if sensor is None or isinstance(sensor, Sensor) else _loaded(sensor)
+    if given is not None:
+        require_markers(given)
     _refuse_two_scales("the sensor file", given, pitch_mm, hfov_deg)
     on_message = None if observer is None else observer.on_message
     source, text = _open(input, fps, _with_size(camera, given))

@@ -125,6 +125,15 @@ def test_the_command_line_and_python_allow_the_same_fields_of_view(
         sensor_from_rest([], name="any", hfov_deg=float(given))
 
 
+def test_a_pitch_with_a_sensor_file_is_refused_with_what_suits_any_sensor_file(
+    capsys: pytest.CaptureFixture[str],
+):
+    assert main(["process", __file__, "--out", "o", "--sensor", "camera.toml", "--pitch-mm", "4"]) == 2
+    refused = capsys.readouterr().err
+    assert "--pitch-mm and --hfov-deg are for inputs without a sensor file" in refused
+    assert "calibrate rest adds [markers] to a file that has a [camera] only" in refused
+
+
 def test_the_viewer_has_the_defaults_of_its_options():
     defaults = {name: each.default for name, each in inspect.signature(Viewer).parameters.items()}
     assert (defaults["host"], defaults["max_clients"]) == (options.HOST, options.MAX_CLIENTS)

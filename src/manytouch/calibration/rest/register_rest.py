@@ -83,10 +83,7 @@ def register_and_count(
     sensor: Sensor, frames: Sequence[Frame], *, roi_px: Roi | None = None
 ) -> tuple[Sensor, int]:
     """As `register_rest`, with the number of markers that were found."""
-    if sensor.layout is None:
-        raise SensorError(
-            f"the sensor {sensor.name!r} has no markers: give a sensor file with [markers], or no sensor file"
-        )
+    require_markers(sensor)
     width, height = image_size(frames, roi_px)
     camera = sensor.camera
     if (width, height) != (camera.width_px, camera.height_px):
@@ -96,6 +93,7 @@ def register_and_count(
         )
     if camera.views:
         return _register_views(sensor, frames)
+    assert sensor.layout is not None
     if sensor.layout.polarity == "auto":
         return _register_in_frames(_with_surveyed_appearance(sensor, frames, roi_px), frames, roi_px)
     try:
@@ -105,6 +103,19 @@ def register_and_count(
             raise
     # Markers may be visible in colour only.
     return _register_in_frames(_with_surveyed_appearance(sensor, frames, roi_px), frames, roi_px)
+
+
+def require_markers(sensor: Sensor) -> None:
+    """Check that a sensor has a layout, not a camera only.
+
+    Raises:
+        SensorError: it has not.
+    """
+    if sensor.layout is None:
+        raise SensorError(
+            f"the sensor {sensor.name!r} has a camera but no [markers]: add them by manytouch calibrate rest "
+            "SOURCE --sensor FILE --pitch-mm P --out NEW_FILE, or omit the sensor file"
+        )
 
 
 def _register_views(sensor: Sensor, frames: Sequence[Frame]) -> tuple[Sensor, int]:

@@ -120,13 +120,17 @@ def _is_token(_: Any, value: str | None) -> None:
 
 
 def refuse_two_scales(verb: str, sensor: str | None, pitch_mm: object, hfov_deg: object) -> None:
-    """Refuse --pitch-mm and --hfov-deg together with a sensor file, which contains both.
+    """Refuse --pitch-mm and --hfov-deg together with a sensor file.
 
     Raises:
         CycloptsError: both are given.
     """
     if sensor is not None and (pitch_mm is not None or hfov_deg is not None):
-        raise usage_error(verb, "a sensor file contains pitch and camera: omit --pitch-mm and --hfov-deg")
+        raise usage_error(
+            verb,
+            "--pitch-mm and --hfov-deg are for inputs without a sensor file: omit them, or the file; "
+            "manytouch calibrate rest adds [markers] to a file that has a [camera] only",
+        )
 
 
 def positive(what: str) -> Any:
