@@ -62,6 +62,14 @@ def run(
 
     check_urls("run", to)
     check_outputs(out, record)
+    camera_options = {
+        "--size": size,
+        "--exposure-ms": exposure_ms,
+        "--gain": gain,
+        "--focus": focus,
+        "--white-balance-K": white_balance_K,
+        "--no-mjpg": no_mjpg,
+    }
     if source.lower().endswith(".toml") and "://" not in source and not source.startswith("sim:"):
         from manytouch.cli.terminal.rig_run import run_rig_file
 
@@ -72,13 +80,8 @@ def run(
             "--hfov-deg": hfov_deg,
             "--roi": roi,
             "--fps": fps,
-            "--size": size,
+            **camera_options,
             "--token": token,
-            "--exposure-ms": exposure_ms,
-            "--gain": gain,
-            "--focus": focus,
-            "--no-mjpg": no_mjpg,
-            "--white-balance-K": white_balance_K,
             "--host": host != options.HOST,
             "--max-clients": max_clients != options.MAX_CLIENTS,
             "options of a method": interpolation.parameters("run", method) | paper.parameters("run", method),
@@ -87,6 +90,7 @@ def run(
             Path(source), given, out=out, record=record, to=to, is_viewing=not no_view, port=port
         )
     options.refuse_two_scales("run", sensor, pitch_mm, hfov_deg)
+    options.refuse_camera_options("run", source, camera_options)
     parameters = interpolation.parameters("run", method) | paper.parameters("run", method)
     require_existing([source])
     from manytouch.cli.terminal.console import Reporter

@@ -134,6 +134,29 @@ def test_a_pitch_with_a_sensor_file_is_refused_with_what_suits_any_sensor_file(
     assert "calibrate rest adds [markers] to a file that has a [camera] only" in refused
 
 
+@pytest.mark.parametrize(
+    "source", ["sim:one", __file__, "rtsp://user:secret@host/x", f"views:{__file__},sim:"]
+)
+@pytest.mark.parametrize(
+    "option",
+    [
+        ["--size", "640x480"],
+        ["--exposure-ms", "auto"],
+        ["--gain", "2"],
+        ["--focus", "0"],
+        ["--white-balance-K", "4500"],
+        ["--no-mjpg"],
+    ],
+)
+def test_options_of_a_camera_are_refused_for_other_sources(
+    source: str, option: list[str], capsys: pytest.CaptureFixture[str]
+):
+    assert main(["run", source, *option]) == 2
+    refused = capsys.readouterr().err
+    assert f"{option[0]} can be requested of a camera of this computer only" in refused
+    assert "secret" not in refused
+
+
 def test_the_viewer_has_the_defaults_of_its_options():
     defaults = {name: each.default for name, each in inspect.signature(Viewer).parameters.items()}
     assert (defaults["host"], defaults["max_clients"]) == (options.HOST, options.MAX_CLIENTS)

@@ -2,14 +2,16 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter, Token, validators
 
 from manytouch.cli.terminal.failures import usage_error
+from manytouch.errors import without_password
 from manytouch.limits import HIGHEST_FPS, LARGEST_NUMBER, LEAST_HFOV_DEG, MOST_HFOV_DEG
+from manytouch.source_names import is_camera, views_of
 
 Method = Literal["mechanics", "perimeter", "paper"]
 
@@ -130,6 +132,28 @@ def refuse_two_scales(verb: str, sensor: str | None, pitch_mm: object, hfov_deg:
             verb,
             "--pitch-mm and --hfov-deg are for inputs without a sensor file: omit them, or the file; "
             "manytouch calibrate rest adds [markers] to a file that has a [camera] only",
+        )
+
+
+def given_options(options: Mapping[str, object]) -> list[str]:
+    """The names of those options that were given."""
+    return [
+        name for name, value in options.items() if not (value is None or value is False or value in ((), {}))
+    ]
+
+
+def refuse_camera_options(verb: str, source: str, camera_options: Mapping[str, object]) -> None:
+    """Refuse options of a camera with a source that is none, such as a file or a stream.
+
+    Raises:
+        CycloptsError: one is given.
+    """
+    given = given_options(camera_options)
+    if given and not any(is_camera(part) and "://" not in part for part in views_of(source)):
+        raise usage_error(
+            verb,
+            f"{', '.join(given)} can be requested of a camera of this computer only, not of "
+            f"{without_password(source)}: omit them",
         )
 
 
