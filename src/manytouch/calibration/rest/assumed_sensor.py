@@ -16,7 +16,7 @@ from manytouch.calibration.rest.first_frames import (
     find_rest_dots,
     image_size,
 )
-from manytouch.calibration.rest.local_bulge import PRESSED_PITCHES, bulge_in_pitches
+from manytouch.calibration.rest.local_bulge import PRESSED_PITCHES, START_IS_REST, bulge_in_pitches
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
 from manytouch.calibration.rest_dots import RestDots
@@ -269,8 +269,7 @@ def _shape_assumptions(arrangement: Arrangement) -> list[str]:
     if bulge > PRESSED_PITCHES:
         sentences.append(
             f"The markers depart from a regular lattice by {bulge:.2f} pitches at one place at the start: "
-            "the pattern is uneven there, or the sheet was touched; the start of the recording is taken as "
-            "rest."
+            f"the pattern is uneven there, or the sheet was touched; {START_IS_REST}"
         )
     if arrangement.row_column is None:
         sentences.append(

@@ -22,7 +22,7 @@ from manytouch.calibration.marker_arrangements import (
     least_pressed,
     least_pressed_part,
 )
-from manytouch.calibration.rest.local_bulge import PRESSED_PITCHES, local_bulge_px
+from manytouch.calibration.rest.local_bulge import PRESSED_PITCHES, START_IS_REST, local_bulge_px
 from manytouch.estimation.local_motion import largest_of_still
 from manytouch.geometry.camera import mm_per_px
 from manytouch.pipeline import track_frames
@@ -221,7 +221,11 @@ def _with_rest(sensor: Sensor, position_px: Points2, frames: Sequence[int]) -> S
         f"The sheet is at rest in {len(frames)} of the frames {min(frames)} to {max(frames)}, in which the "
         "markers are stillest and most often in the same places."
     )
-    kept = tuple(each for each in sensor.assumptions if not each.startswith("The sheet is at rest in"))
+    kept = tuple(
+        each
+        for each in sensor.assumptions
+        if not (each.startswith("The sheet is at rest in") or each.endswith(START_IS_REST))
+    )
     return replace(
         sensor,
         layout=replace(layout, rest_px=read_only(rest_px)),
