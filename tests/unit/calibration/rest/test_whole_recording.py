@@ -183,18 +183,20 @@ def test_the_rest_of_the_recording_replaces_what_was_assumed_of_its_start() -> N
     """Otherwise one sentence states the start as rest, and another one later frames."""
     grid_px = rectangle_px(10, 12, (45.0, 35.0), (60.0, 40.0))
     away = grid_px - grid_px[65]
-    begins = 0.5 * np.exp(-0.5 * (away**2).sum(axis=1, keepdims=True) / 70.0**2) * away
+    press = 0.5 * np.exp(-0.5 * (away**2).sum(axis=1, keepdims=True) / 70.0**2) * away
     sensor = sensor_from_dots(
-        merge_rest_dots([detections_of(grid_px + begins)] * 5),
+        merge_rest_dots([detections_of(grid_px + press)] * 5),
         name="pressed",
         width_px=640,
         height_px=420,
         polarity="dark",
     )
     assert any(each.endswith(START_IS_REST) for each in sensor.assumptions)
-    moved = [begins] * 20 + [0.0 * begins] * 60
-    grids = [grid_at(grid_px + each, noise_px=NOISE_PX, seed=k) for k, each in enumerate(moved)]
-    found = settle_rest(sensor, grids, range(len(grids)))
-    assert found.still_frames
-    (sentence,) = (each for each in found.sensor.assumptions if "rest" in each)
-    assert f"of the frames {min(found.still_frames)} to" in sentence
+    for later_px, is_touched in ((0.0 * press, False), (0.7 * press, True)):
+        moved = [press] * 20 + [later_px] * 60
+        grids = [grid_at(grid_px + each, noise_px=NOISE_PX, seed=k) for k, each in enumerate(moved)]
+        found = settle_rest(sensor, grids, range(len(grids)))
+        assert found.still_frames
+        (sentence,) = (each for each in found.sensor.assumptions if "rest" in each)
+        assert f"of the frames {min(found.still_frames)} to" in sentence
+        assert ("or the sheet was touched" in sentence) == is_touched
