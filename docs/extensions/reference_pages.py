@@ -4,6 +4,7 @@ Names, units, defaults and limits come from the package; the sentences come from
 without a sentence, and a sentence without a name, is an error. `conf.py` calls `write_pages` before a build.
 """
 
+import json
 import re
 import tomllib
 import types
@@ -284,7 +285,30 @@ def columns() -> str:
         meaning = meanings(group, names)
         rows = [(f"`{name}`", _unit(name), meaning[name]) for name in names]
         parts.append(f"## {title}\n\n{sentence}\n\n{_table(('column', 'unit', 'meaning'), rows)}\n")
+    names = _summary_keys()
+    meaning = meanings("summary_json", names)
+    table = _table(("key", "meaning"), [(f"`{name}`", meaning[name]) for name in names])
+    parts.append(
+        f"## summary.json\n\nThe run as a whole. A value that is not known is null; later versions may add "
+        f"keys.\n\n{table}\n"
+    )
     return "\n".join(parts)
+
+
+def _summary_keys() -> list[str]:
+    """Keys of a summary, in its order, those of `counts` after it."""
+    import tempfile
+
+    from manytouch.session.methods import DEFAULT, pipeline_for
+    from manytouch.simulation.demo_sensor import demo_sensor
+    from manytouch.sinks.files.summary import Summary
+
+    summary = Summary(sensor=demo_sensor(), pipeline=pipeline_for(DEFAULT), method=DEFAULT, recording={})
+    with tempfile.TemporaryDirectory() as folder:
+        summary.save(Path(folder), is_complete=True, hashes={})
+        content = json.loads((Path(folder) / "summary.json").read_text(encoding="utf-8"))
+    inner = [f"counts.{name}" for name in content["counts"]]
+    return [each for name in content for each in ([name, *inner] if name == "counts" else [name])]
 
 
 def statuses() -> str:

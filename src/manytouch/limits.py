@@ -33,6 +33,8 @@ MOST_THICKNESSES = 10_000
 """Longest side of a sheet: twenty times that of a film of 0.2 mm over 100 mm."""
 MOST_SIDES = 10
 """Thickness of a sheet, in multiples of its shorter side."""
+LEAST_HFOV_DEG, MOST_HFOV_DEG = 1.0, 179.0
+"""Horizontal field of view of a camera that may be given."""
 HIGHEST_FPS = 1e6
 """Frames per second that may be given, and at least the inverse: times are whole nanoseconds in 64 bits."""
 

@@ -13,7 +13,7 @@ import textwrap
 from collections.abc import Sequence
 
 from manytouch.blas_threads import request_one_blas_thread
-from manytouch.cli.terminal.failures import DEBUG_FLAG, FAILED, flushed
+from manytouch.cli.terminal.failures import DEBUG_FLAG, complete_without_output, flushed
 
 request_one_blas_thread()  # before anything imports numpy
 
@@ -85,13 +85,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: words after the name of the program; None: those of this process.
     """
     words = [word for word in (sys.argv[1:] if arguments is None else arguments) if word != DEBUG_FLAG]
+    complete_without_output()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal may lack ± and letters of names
     if words in ([], ["--help"], ["-h"]):  # without the parser, whose import takes longer than a user expects
-        try:
-            print(_overview(shutil.get_terminal_size().columns))
-        except OSError as error:
-            return flushed(FAILED, error)
+        print(_overview(shutil.get_terminal_size().columns))
         return flushed(0)
     gc.set_threshold(OBJECTS_PER_COLLECTION, 10, 10)
     try:

@@ -49,9 +49,8 @@ def run(words: list[str]) -> int:
         print("stopped", file=sys.stderr)
         return _status(DONE)
     except Exception as error:  # noqa: BLE001 - reported in one line
-        if flushed(DONE, error) == DONE:  # else the reason is printed
-            report(error)
-        return FAILED
+        report(error)
+        return flushed(FAILED)
 
 
 def _refuse_empty_words(words: Sequence[str]) -> None:

@@ -113,7 +113,7 @@ def _serve(
     from manytouch.sinks.pictures.surface_picture import BusiestFrame
     from manytouch.sources.pressed.pressed_process import PressedProcess
 
-    with StopOnSignal() as stop:
+    with StopOnSignal(is_live=True) as stop:
         source = PressedProcess(scene, seconds=seconds)
         job = prepare(source, method="mechanics", observer=reporter)
         live = Live(job, recordings=out)

@@ -240,4 +240,5 @@ def _describe_results(evaluation: "Evaluation") -> list[str]:
         lines.append(f"{method}: {in_short(evaluation, method)}")
         if (forces := forces_in_short(evaluation, method)) is not None:
             lines.append(f"{method}, forces: {forces}")
-    return [*lines, *goal_lines(evaluation), *goal_sentences(evaluation)]
+    warnings = [f"warning: {sentence}" for sentence in evaluation.warnings]
+    return [*lines, *goal_lines(evaluation), *goal_sentences(evaluation), *warnings]

@@ -62,6 +62,14 @@ def run(
 
     check_urls("run", to)
     check_outputs(out, record)
+    camera_options = {
+        "--size": size,
+        "--exposure-ms": exposure_ms,
+        "--gain": gain,
+        "--focus": focus,
+        "--white-balance-K": white_balance_K,
+        "--no-mjpg": no_mjpg,
+    }
     if source.lower().endswith(".toml") and "://" not in source and not source.startswith("sim:"):
         from manytouch.cli.terminal.rig_run import run_rig_file
 
@@ -72,13 +80,8 @@ def run(
             "--hfov-deg": hfov_deg,
             "--roi": roi,
             "--fps": fps,
-            "--size": size,
+            **camera_options,
             "--token": token,
-            "--exposure-ms": exposure_ms,
-            "--gain": gain,
-            "--focus": focus,
-            "--no-mjpg": no_mjpg,
-            "--white-balance-K": white_balance_K,
             "--host": host != options.HOST,
             "--max-clients": max_clients != options.MAX_CLIENTS,
             "options of a method": interpolation.parameters("run", method) | paper.parameters("run", method),
@@ -87,6 +90,7 @@ def run(
             Path(source), given, out=out, record=record, to=to, is_viewing=not no_view, port=port
         )
     options.refuse_two_scales("run", sensor, pitch_mm, hfov_deg)
+    options.refuse_camera_options("run", source, camera_options)
     parameters = interpolation.parameters("run", method) | paper.parameters("run", method)
     require_existing([source])
     from manytouch.cli.terminal.console import Reporter
@@ -99,7 +103,7 @@ def run(
     reporter = Reporter(bar=False)
     address = None if no_view else ViewerAddress(host=host, port=port, token=token, max_clients=max_clients)
     outputs = Outputs(to=to, address=address, reporter=reporter)
-    with StopOnSignal() as stop:
+    with StopOnSignal(is_live=True) as stop:
         if is_playback(source, record, out, method, sensor, pitch_mm, hfov_deg, roi, fps, parameters):
             playback = Playback(Path(source), stays=address is not None)
             return show_playback(playback, outputs, stop)

@@ -45,7 +45,7 @@ def view(
     from manytouch.session import Playback, prepare, run
 
     reporter = Reporter(bar=False)
-    with StopOnSignal() as stop:
+    with StopOnSignal(is_live=True) as stop:
         if not is_playback(str(recording), pitch_mm, hfov_deg, roi, fps):
             job = prepare(
                 recording,

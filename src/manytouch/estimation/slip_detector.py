@@ -43,7 +43,10 @@ class SlipDetector:
     filter_share: float = 0.3
 
     def __call__(self, state: SlipState, contacts: Contacts, pitch_mm: float) -> tuple[SlipState, Contacts]:
-        """The contacts with slip flags; None where the force is NaN. One that ends keeps its last flag."""
+        """The contacts with slip flags; None where the force is NaN and in the first frame of a contact.
+
+        One that ends keeps its last flag.
+        """
         flagged: list[Contact] = []
         ratios, centres, flags = {}, {}, {}
         for contact in contacts.contacts:
@@ -59,8 +62,9 @@ class SlipDetector:
             away_mm = contact.centre_mm - filtered_mm
             is_moving = float(np.hypot(*away_mm)) > self.moving_pitch * pitch_mm
             is_saturated = ratio >= max(self.min_ratio, self.saturated_share * largest)
-            flags[contact.id] = bool(is_moving and is_saturated)
-            flagged.append(replace(contact, slip=flags[contact.id]))
+            if contact.id in state.centre_mm:  # else no motion is known
+                flags[contact.id] = bool(is_moving and is_saturated)
+            flagged.append(replace(contact, slip=flags.get(contact.id)))
             ratios[contact.id], centres[contact.id] = largest, filtered_mm + self.filter_share * away_mm
         slip = SlipState(
             ratio=MappingProxyType(ratios),

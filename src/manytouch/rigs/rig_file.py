@@ -132,9 +132,15 @@ def load_rig(path: Path) -> Rig:
         SourceError: it does not exist, is wrong, or a camera with a serial number is not connected.
     """
     try:
-        file = RigFile.model_validate(read_toml(path, "a rig file", SourceError))
+        table = read_toml(path, "a rig file", SourceError)
     except FileNotFoundError:
         raise SourceError(f"the rig file {path} does not exist: give the path of an existing one") from None
+    if "sensors" not in table and {"camera", "views", "markers"} & set(table):
+        raise SourceError(f"{path} is a sensor file, not a rig file: manytouch run SOURCE --sensor {path}")
+    if "sensors" not in table and {"bodies", "seconds"} & set(table):
+        raise SourceError(f"{path} is a scene file, not a rig file: manytouch run sim:{path}")
+    try:
+        file = RigFile.model_validate(table)
     except ValidationError as error:
         raise SourceError(all_mistakes(f"rig file {path}", error, RigFile)) from None
     return Rig(name=file.name, sensors=tuple(_rig_sensor(each, path.parent) for each in file.sensors))

@@ -9,6 +9,7 @@ from types import NoneType
 from typing import Any
 
 from manytouch.blas_threads import limit_blas_threads
+from manytouch.calibration.rest.register_rest import require_markers
 from manytouch.errors import ManytouchError, SensorError, SourceError, require_type, without_password
 from manytouch.pipeline import Pipeline, Sink
 from manytouch.session.background_iterator import BackgroundIterator, short_switch_interval
@@ -30,6 +31,7 @@ from manytouch.values import Frame, Reading, Roi, Sensor
 from manytouch.values.arrays import plain
 from manytouch.values.display.text import count_of
 from manytouch.values.images.roi import require_roi
+from manytouch.values.sensor_file.assumed_sheet import ASSUMED_SHEET
 
 INPUT = "the path of a video or image, the number of a camera, or what manytouch.open_source returns"
 UNKNOWN_PRETENSION = (
@@ -37,6 +39,7 @@ UNKNOWN_PRETENSION = (
     "pretension_N_per_mm and young_MPa; the standard deviations of forces contain that of the estimate "
     "(manytouch calibrate sheet measures the pretension)."
 )
+_WITHOUT_SHEET = {"mechanics": ASSUMED_SHEET, "perimeter": "The sheet is one pitch thick."}
 _AHEAD = 4  # frames that are tracked and wait for estimation
 NO_RATE = f"The frame rate is {ASSUMED_FPS:g} frames per second, since the input states none (--fps sets it)."
 
@@ -208,6 +211,8 @@ def prepare(
     if method is not None:
         pipeline_for(method, roi_px, parameters)  # reports a wrong name before anything is opened
     given = sensor if sensor is None or isinstance(sensor, Sensor) else _loaded(sensor)
+    if given is not None:
+        require_markers(given)
     _refuse_two_scales("the sensor file", given, pitch_mm, hfov_deg)
     on_message = None if observer is None else observer.on_message
     source, text = _open(input, fps, _with_size(camera, given))
@@ -266,6 +271,8 @@ def _loaded(path: str | Path) -> Sensor:
 def _with_assumptions(sensor: Sensor, source: Source, method: str) -> Sensor:
     """The sensor with what this method assumes of it, and of the frame rate of its source."""
     assumed = [UNKNOWN_PRETENSION] if _estimates_pretension(sensor, method) else []
+    if sensor.sheet is None and method in _WITHOUT_SHEET:
+        assumed.append(f"The sensor file has no [sheet]. {_WITHOUT_SHEET[method]}")
     if source.fps is None and not source.is_live and source.frame_count != 1:
         assumed.append(NO_RATE)
     new = [sentence for sentence in assumed if sentence not in sensor.assumptions]

@@ -176,7 +176,11 @@ class ResultFiles:
         self.stamp = result_stamp(job.files_stamp or files_stamp(job.text), request_hash(job.request))
         self.hashes = dict(request_hashes(job.source, job.text, job.request))
         self.summary = Summary(
-            sensor=job.sensor, pipeline=job.pipeline, method=job.method, recording=job.input_info
+            sensor=job.sensor,
+            pipeline=job.pipeline,
+            method=job.method,
+            recording=job.input_info,
+            roi_px=job.roi_px,
         )
         self.folder = ResultFolder(folder, RESULTS)
         partial, sensor = self.folder.partial_path, job.sensor

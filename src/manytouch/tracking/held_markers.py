@@ -7,6 +7,9 @@ import numpy as np
 from manytouch.compilation import kernel, no_type_check
 from manytouch.values.arrays import Points2, read_only
 
+_MOST_STD_PX = 0.5
+"""Markers with larger standard deviations, such as the 3 px of a dot that the border of the image or of its
+region cuts, are not counted: that they stay within a tenth of it shows nothing."""
 COMPRESSED_VIDEO = (
     "the video is compressed, which displaces dots by a few hundredths of a pixel: deviations are larger, "
     "and faint contacts may be missed. Record with less compression (H.264 with -crf 18 or less), or every "
@@ -107,7 +110,7 @@ class HeldMarkers:
 def count_held(
     before_px: np.ndarray, position_px: np.ndarray, covariance_px2: np.ndarray, held_stds: float
 ) -> tuple[int, int]:
-    """Number of markers that two frames show, and of those that moved by less than `held_stds`.
+    """Number of markers that two frames show wholly, and of those that moved by less than `held_stds`.
 
     Args:
         before_px, position_px: (m, 2) centres in both frames; NaN where not seen.
@@ -117,9 +120,9 @@ def count_held(
     known = held = 0
     for k in range(len(position_px)):
         x, y = position_px[k, 0] - before_px[k, 0], position_px[k, 1] - before_px[k, 1]
-        if not np.isnan(x):
+        trace_px2 = covariance_px2[k, 0, 0] + covariance_px2[k, 1, 1]
+        if not np.isnan(x) and trace_px2 < 2.0 * _MOST_STD_PX * _MOST_STD_PX:
             known += 1
-            trace_px2 = covariance_px2[k, 0, 0] + covariance_px2[k, 1, 1]
             held += x * x + y * y < 2.0 * held_stds * held_stds * trace_px2
     return known, held
 

@@ -76,14 +76,14 @@ class LatticeGraph:
     Attributes:
         marker_count: m.
         is_present: (m,) markers that are not known to be missing.
-        present_count: number of these.
+        expected_count: number of these that are wholly in the image at rest.
         spacing_px: median of their spacings.
         arrays: neighbourhoods, exterior nodes and shifts.
     """
 
     marker_count: int
     is_present: Mask
-    present_count: int
+    expected_count: int
     spacing_px: float
     arrays: GraphArrays
 
@@ -91,6 +91,10 @@ class LatticeGraph:
     def can_be_shifted(self) -> bool:
         """Whether the layout is a lattice, along which identities may be shifted."""
         return len(self.arrays.shifted) > 1
+
+    def is_expected(self, position_px: Points2) -> Mask:
+        """(m,) markers that are wholly in the image if they are at these positions (m, 2)."""
+        return np.asarray(self.is_present & _is_shown(position_px, self.arrays.bounds_px))
 
 
 def build_lattice_graph(
@@ -111,8 +115,7 @@ def build_lattice_graph(
     place, exterior_place, exterior_px = _extend_lattice(rest_px, is_missing, row_column)
     points = np.concatenate([np.asarray(rest_px, dtype=np.float64), exterior_px])
     bounds = np.array(bounds_px, dtype=np.float64)
-    is_shown = ((exterior_px > bounds[:2]) & (exterior_px < bounds[2:])).all(axis=1)
-    exterior_kind = np.where(is_shown, EXTERIOR_VISIBLE, EXTERIOR_HIDDEN)
+    exterior_kind = np.where(_is_shown(exterior_px, bounds), EXTERIOR_VISIBLE, EXTERIOR_HIDDEN)
     kind = np.concatenate([np.where(is_missing, MISSING, PRESENT), exterior_kind])
     spacing, spacing_px, start, adjacent_end, neighbour = _neighbours(points, kind == PRESENT)
     weight, interpolation, is_interpolated = interpolation_weights(
@@ -138,10 +141,15 @@ def build_lattice_graph(
     return LatticeGraph(
         marker_count=len(rest_px),
         is_present=read_only(~is_missing),
-        present_count=int((~is_missing).sum()),
+        expected_count=int((~is_missing & _is_shown(rest_px, bounds)).sum()),
         spacing_px=spacing_px,
         arrays=arrays,
     )
+
+
+def _is_shown(points: Points2, bounds_px: np.ndarray) -> Mask:
+    """Which of the points (n, 2) are inside the bounds: least x, y and largest x, y."""
+    return np.asarray(((points > bounds_px[:2]) & (points < bounds_px[2:])).all(axis=1))
 
 
 def _extend_lattice(

@@ -121,7 +121,7 @@ class MarkerTracker:
         window_motion_pitches: dots of the next frame are searched in windows around their expected positions
             only, if 95 % of the markers moved by at most this in a frame, in spacings of the pattern.
         window_share: least share of the markers that must be seen in a frame so that the next one is
-            searched in windows only.
+            searched in windows only; as `least_share`, of those that are in the region at rest.
         least_share: least share of the markers that must be seen; below it the status is few_markers.
         roi_px: region of interest that is searched for dots, in pixels; None: the whole image.
         held_markers: notices compressed video.
@@ -205,14 +205,14 @@ class MarkerTracker:
         if status is Status.OK and (match.is_shift_unresolved or (match.found > 0 and after.is_ambiguous)):
             status = Status.AMBIGUOUS_SHIFT
         seen = after.seen_count if match.found else 0
-        if status is Status.OK and seen < self.least_share * after.graph.present_count:
+        if status is Status.OK and seen < self.least_share * after.graph.expected_count:
             status = Status.FEW_MARKERS
         return after, _tracked_grid(after, measured, status)
 
     def expected_px(self, state: MarkerTrackerState) -> Points2 | None:
         """Expected positions (m, 2) in the next frame, NaN: known to be missing; None: search everywhere."""
         is_fast = state.motion_spacings > self.window_motion_pitches
-        is_sparse = state.seen_count < self.window_share * state.graph.present_count
+        is_sparse = state.seen_count < self.window_share * state.graph.expected_count
         return None if is_fast or is_sparse else state.expected_px
 
     def needs_full_search(self, state: MarkerTrackerState) -> bool:
@@ -295,7 +295,7 @@ def _unknown_difference() -> np.ndarray:
 
 def _count_tolerance(graph: LatticeGraph) -> float:
     """Number of markers by which frames may differ by chance; much less than a line of the pattern."""
-    return 1.0 + _COUNT_TOLERANCE * sqrt(graph.present_count)
+    return 1.0 + _COUNT_TOLERANCE * sqrt(graph.expected_count)
 
 
 def _without_missing(graph: LatticeGraph, position_px: Points2) -> Points2:

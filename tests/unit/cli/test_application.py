@@ -12,11 +12,13 @@ from pathlib import Path
 import pytest
 from cyclopts import App
 
+from manytouch.calibration import sensor_from_rest
 from manytouch.cli import COMMANDS, OPTIONS, main
 from manytouch.cli.application import application
 from manytouch.cli.terminal import method_options, options
+from manytouch.cli.terminal.failures import StandardOutput
 from manytouch.cli.terminal.interrupt import StopOnSignal
-from manytouch.errors import ManytouchError
+from manytouch.errors import ManytouchError, SensorError
 from manytouch.session.results import result_names
 from manytouch.sinks.viewer import Viewer
 from manytouch.values import Interpolation
@@ -76,6 +78,83 @@ def test_standard_output_on_a_full_disk_is_one_sentence(words, unbuffered):
         "manytouch: cannot print to standard output (No space left on device): free some space there, or "
         "send it elsewhere\n"
     )
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is always full")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("has_reader", [True, False])
+def test_files_are_complete_though_standard_output_cannot_be_written(
+    tmp_path: Path, unbuffered: str, *, has_reader: bool
+):
+    words = ["design", "--out", str(tmp_path / "sensor"), "--parts", "none"]
+    if has_reader:
+        output = os.open("/dev/full", os.O_WRONLY)
+    else:
+        read, output = os.pipe()
+        os.close(read)
+    done = subprocess.run(
+        [sys.executable, "-m", "manytouch", *words],
+        stdout=output,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+    )
+    os.close(output)
+    assert (tmp_path / "sensor" / "design.md").exists()
+    assert done.returncode == int(has_reader)
+    assert ("cannot print to standard output" in done.stderr) == has_reader
+    assert "internal error" not in done.stderr
+
+
+def test_a_live_session_ends_when_nobody_reads_its_output(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(StandardOutput, "error", BrokenPipeError())
+    assert StopOnSignal(is_live=True)()
+    assert not StopOnSignal()()
+    monkeypatch.setattr(StandardOutput, "error", OSError(28, "No space left on device"))
+    assert not StopOnSignal(is_live=True)()
+
+
+@pytest.mark.parametrize("given", ["0.5", "179.5"])
+def test_the_command_line_and_python_allow_the_same_fields_of_view(
+    given: str, capsys: pytest.CaptureFixture[str]
+):
+    assert main(["process", __file__, "--out", "o", "--hfov-deg", given]) == 2
+    assert "from 1 to 179" in capsys.readouterr().err
+    with pytest.raises(SensorError, match="between 1 and 179"):
+        sensor_from_rest([], name="any", hfov_deg=float(given))
+
+
+def test_a_pitch_with_a_sensor_file_is_refused_with_what_suits_any_sensor_file(
+    capsys: pytest.CaptureFixture[str],
+):
+    assert main(["process", __file__, "--out", "o", "--sensor", "camera.toml", "--pitch-mm", "4"]) == 2
+    refused = capsys.readouterr().err
+    assert "--pitch-mm and --hfov-deg are for inputs without a sensor file" in refused
+    assert "calibrate rest adds [markers] to a file that has a [camera] only" in refused
+
+
+@pytest.mark.parametrize(
+    "source", ["sim:one", __file__, "rtsp://user:secret@host/x", f"views:{__file__},sim:"]
+)
+@pytest.mark.parametrize(
+    "option",
+    [
+        ["--size", "640x480"],
+        ["--exposure-ms", "auto"],
+        ["--gain", "2"],
+        ["--focus", "0"],
+        ["--white-balance-K", "4500"],
+        ["--no-mjpg"],
+    ],
+)
+def test_options_of_a_camera_are_refused_for_other_sources(
+    source: str, option: list[str], capsys: pytest.CaptureFixture[str]
+):
+    assert main(["run", source, *option]) == 2
+    refused = capsys.readouterr().err
+    assert f"{option[0]} can be requested of a camera of this computer only" in refused
+    assert "secret" not in refused
 
 
 def test_the_viewer_has_the_defaults_of_its_options():

@@ -36,7 +36,7 @@ def flags(course: list[tuple[float, float]]) -> list[bool | None]:
 def test_a_drag_sticks_while_it_rests_and_slips_once_it_moves_at_full_shear() -> None:
     sticking = [(0.0, 0.1 * k) for k in range(5)]
     sliding = [(0.6 * k, 0.4) for k in range(1, 6)]
-    assert flags(sticking + sliding) == [False] * 5 + [True] * 5
+    assert flags(sticking + sliding) == [None] + [False] * 4 + [True] * 5
 
 
 def test_rolling_without_shear_and_easing_off_are_no_slip() -> None:
@@ -45,7 +45,13 @@ def test_rolling_without_shear_and_easing_off_are_no_slip() -> None:
 
 
 @pytest.mark.parametrize(
-    ("course", "last"), [([(0.0, 0.4), (0.6, 0.4)], True), ([(0.0, 0.4)], False), ([(0.0, np.nan)], None)]
+    ("course", "last"),
+    [
+        ([(0.0, 0.4), (0.6, 0.4)], True),
+        ([(0.0, 0.4)] * 2, False),
+        ([(0.0, 0.4)], None),
+        ([(0.0, np.nan)], None),
+    ],
 )
 def test_a_contact_that_ends_keeps_its_last_flag(
     course: list[tuple[float, float]], last: bool | None

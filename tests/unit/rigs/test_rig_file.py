@@ -80,3 +80,17 @@ def test_a_camera_is_found_by_its_serial_number(tmp_path: Path) -> None:
     assert camera_with_serial("A1", tmp_path) == str(tmp_path / "usb-Maker_Cam_A1-video-index0")
     with pytest.raises(SourceError, match="0 cameras have the serial number 'A'"):
         camera_with_serial("A", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "instead"),
+    [
+        ('schema = 1\nname = "a sheet"\n[camera]\nmodel = "pinhole"\n', "sensor file.*run SOURCE --sensor"),
+        ('schema = 1\nname = "press"\nseconds = 3.0\n[[bodies]]\nkind = "ball"\n', "scene file.*run sim:"),
+    ],
+)
+def test_another_kind_of_file_is_refused_with_the_command_for_it(
+    tmp_path: Path, text: str, instead: str
+) -> None:
+    with pytest.raises(SourceError, match=instead):
+        load_rig(written(tmp_path, text))

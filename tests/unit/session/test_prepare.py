@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Generator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from drawn_source import DrawnSource
+from manytouch.errors import SensorError
 from manytouch.session import prepare
 from manytouch.values import Reading
 from waiting import wait_until
@@ -65,3 +67,22 @@ def test_frames_that_are_made_on_demand_are_not_taken_ahead(is_live: bool) -> No
     assert source.taken[-1] == reading.frame.index
     assert not is_tracking()
     readings.close()
+
+
+@pytest.mark.parametrize(("method", "thickness"), [("mechanics", "0.75 pitches"), ("perimeter", "one pitch")])
+def test_the_sheet_that_is_assumed_for_a_sensor_without_one_is_stated(method: str, thickness: str) -> None:
+    found = prepare(DrawnSource(frames=20), pitch_mm=4.0, method="perimeter").sensor
+    sensor = replace(found, sheet=None, assumptions=())
+    job = prepare(DrawnSource(frames=20), sensor=sensor, method=method)
+    (sentence,) = (each for each in job.sensor.assumptions if "[sheet]" in each)
+    assert f"The sheet is {thickness} thick" in sentence
+    known = prepare(DrawnSource(frames=20), sensor=replace(sensor, sheet=found.sheet), method=method)
+    assert not any("[sheet]" in each for each in known.sensor.assumptions)
+
+
+@pytest.mark.parametrize("pitch_mm", [None, 4.0])
+def test_a_sensor_with_a_camera_only_is_refused_with_one_remedy(pitch_mm: float | None) -> None:
+    source = DrawnSource(frames=20)
+    camera_only = replace(prepare(source, pitch_mm=4.0, method="perimeter").sensor, layout=None, sheet=None)
+    with pytest.raises(SensorError, match="add them by manytouch calibrate rest"):
+        prepare(DrawnSource(frames=20), sensor=camera_only, pitch_mm=pitch_mm)

@@ -40,7 +40,7 @@ from manytouch.sinks.files.result_folder import CHECK_INTERVAL
 from manytouch.sources import open_source
 from manytouch.sources.simulated import SimulatedSource, simulated_source
 from manytouch.sources.source import Capabilities
-from manytouch.values import Command, Pause, Press, Reading, Resume, Roi, Sensor, Tune, UseMethod
+from manytouch.values import Command, Pause, Press, Reading, Resume, Roi, Tune, UseMethod
 from part_of_sheet import part_of_sheet
 from results import rows_of
 from straight import straight_camera
@@ -428,7 +428,8 @@ def test_a_region_outside_the_image_is_refused(region: Roi) -> None:
 
 def test_a_sensor_of_another_image_size_is_refused() -> None:
     camera = straight_camera(640, 480, focal_px=500.0, distance_mm=100.0)
-    sensor = Sensor(name="other", camera=camera)
+    found = prepare(DrawnSource(), pitch_mm=4.0, method="perimeter").sensor
+    sensor = replace(found, name="other", camera=camera)
     with pytest.raises(SensorError, match="640 x 480 px, but drawn has 320 x 240"):
         prepare(DrawnSource(), sensor=sensor)
     with pytest.raises(SensorError, match="already states pitch"):

@@ -84,6 +84,16 @@ def test_markers_that_are_not_seen_do_not_count() -> None:
     assert not after(nothing).is_compressed
 
 
+def test_markers_that_the_border_cuts_do_not_count() -> None:
+    """Their deviations are of several pixels, so that they always stay within a tenth of them."""
+    is_cut = PLACE[:, 0] == PLACE[:, 0].min()
+    covariance_px2 = np.where(is_cut[:, None, None], 10.0 * np.eye(2), covariances())
+    state = HELD.start(COUNT)
+    for position_px in own_pictures(40, seed=5):
+        state = HELD.step(state, position_px, covariance_px2)
+    assert not state.is_compressed
+
+
 def test_the_same_picture_again_does_not_show_that_a_video_is_compressed() -> None:
     own = own_pictures(20, 2)
     twice = [each_px for each_px in own for _ in range(3)]

@@ -9,7 +9,7 @@ from numpy.testing import assert_array_equal
 from flat_sensor import detections_of, flat_sensor, rectangle_px
 from manytouch.errors import SensorError
 from manytouch.tracking import MarkerTracker
-from manytouch.values import Detections, Sensor, Status
+from manytouch.values import Detections, Roi, Sensor, Status
 
 WIDTH, HEIGHT, PITCH = 900, 640, 50.0
 
@@ -328,3 +328,15 @@ def test_a_sensor_without_markers_raises_an_error():
     bare = Sensor(name="camera only", camera=bare.camera)
     with pytest.raises(SensorError, match="camera only"):
         MarkerTracker().start(bare)
+
+
+def test_markers_outside_the_region_of_interest_are_not_expected():
+    rest_px = rectangle()
+    is_inside = (rest_px < [300.0, 300.0]).all(axis=1)
+    assert is_inside.mean() < 0.3
+    tracker = MarkerTracker(roi_px=Roi(0, 0, 305, 305))
+    state, grid = tracker.step(tracker.start(sensor_of(rest_px)), dots_of(rest_px[is_inside]))
+    assert grid.status == "ok"
+    state, grid = tracker.step(state, dots_of(rest_px[is_inside]))
+    assert tracker.expected_px(state) is not None
+    assert_array_equal(grid.is_seen, is_inside)

@@ -16,19 +16,19 @@ from manytouch.calibration.rest.first_frames import (
     find_rest_dots,
     image_size,
 )
-from manytouch.calibration.rest.local_bulge import PRESSED_PITCHES, bulge_in_pitches
+from manytouch.calibration.rest.local_bulge import PRESSED_PITCHES, START_IS_REST, bulge_in_pitches
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
 from manytouch.calibration.rest_dots import RestDots
 from manytouch.calibration.separate_groups import separate_regions
 from manytouch.errors import SensorError, require_type
 from manytouch.geometry.camera import onto_plane
-from manytouch.limits import LARGEST_NUMBER
+from manytouch.limits import LARGEST_NUMBER, LEAST_HFOV_DEG, MOST_HFOV_DEG
 from manytouch.tracking.lattice.arrange import Arrangement
 from manytouch.values import Camera, Frame, Layout, Polarity, Roi, Sensor
 from manytouch.values.arrays import plain, read_only
 from manytouch.values.images.roi import require_roi
-from manytouch.values.sensor_file.assumed_sheet import THICKNESS_PITCHES, assumed_sheet
+from manytouch.values.sensor_file.assumed_sheet import ASSUMED_SHEET, assumed_sheet
 
 __all__ = ["register_rest", "sensor_from_dots", "sensor_from_rest"]
 
@@ -151,9 +151,10 @@ def _check_numbers(pitch_mm: float | tuple[float, float] | None, hfov_deg: float
             f"a pitch of {pitch_mm} mm was given, but a pitch is a length from {least:g} to "
             f"{LARGEST_NUMBER:g} mm, or two: P or X,Y"
         )
-    if hfov_deg is not None and not 1.0 <= hfov_deg < 179.0:
+    if hfov_deg is not None and not LEAST_HFOV_DEG <= hfov_deg <= MOST_HFOV_DEG:
         raise SensorError(
-            f"a horizontal field of view of {hfov_deg} degrees was given, but it must lie between 1 and 179"
+            f"a horizontal field of view of {hfov_deg} degrees was given, but it must lie between "
+            f"{LEAST_HFOV_DEG:g} and {MOST_HFOV_DEG:g}"
         )
 
 
@@ -233,9 +234,7 @@ def _assumptions(
             f"The pitch in the image differs by {np.expm1(abs(differs)):.0%} along x and y; {pitch_mm:g} mm "
             "is taken as the geometric mean of both: give --pitch-mm X,Y if they differ on the sheet."
         )
-    sentences.append(
-        f"The sheet is {THICKNESS_PITCHES} pitches thick and extends one pitch beyond its outermost markers."
-    )
+    sentences.append(ASSUMED_SHEET)
     if still.moved and len(still.frames) == 1:
         sentences.append(
             "The sheet is at rest in the early frame in which its markers are most evenly spaced. They move "
@@ -270,8 +269,7 @@ def _shape_assumptions(arrangement: Arrangement) -> list[str]:
     if bulge > PRESSED_PITCHES:
         sentences.append(
             f"The markers depart from a regular lattice by {bulge:.2f} pitches at one place at the start: "
-            "the pattern is uneven there, or the sheet was touched; the start of the recording is taken as "
-            "rest."
+            f"the pattern is uneven there, or the sheet was touched; {START_IS_REST}"
         )
     if arrangement.row_column is None:
         sentences.append(

@@ -11,6 +11,8 @@ from scipy.ndimage import median_filter
 from manytouch.tracking.lattice.arrange import Arrangement
 from manytouch.values.arrays import Mask, Points2
 
+START_IS_REST = "the start of the recording is taken as rest."
+"""End of the sentence on a lattice that departs by more."""
 PRESSED_PITCHES = 0.15
 """A larger bulge means that the pattern is uneven there, or the sheet was touched."""
 _LEAST_LINES = 5

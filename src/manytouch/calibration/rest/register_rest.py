@@ -34,7 +34,7 @@ rest, also with drawn sensor files, and 0.006 to 0.1 in pressed frames (ADR 139)
 _UNEVEN_PITCHES = 0.02
 """A distance above this is stated: that of a press 0.8 mm deep on a sheet of 1.8 mm (ADR 139)."""
 _LEAST_SHARE = 0.5
-"""Least share of the markers that must be found."""
+"""Least share of the markers, or of those in the region of interest, that must be found."""
 _UNUSUAL_STDS = 4.0
 """An inclination that differs from the stated one by more standard deviations is reported: a choice."""
 _FRAMES_OF_REST = {"rest_frames", "still_frames"}  # keys of provenance
@@ -47,11 +47,14 @@ class _MarkersAtRest:
 
     Attributes:
         grid: with the markers that are seen.
+        is_expected: (m,) markers that are wholly in the region of interest; without a region, all that are
+            not missing.
         position_px: (m, 2) of all markers; those that are not seen are moved as their neighbours are.
         bulge: see `_bulge_in_pitches`.
     """
 
     grid: TrackedGrid
+    is_expected: Mask
     position_px: Points2
     bulge: float
 
@@ -71,7 +74,7 @@ def register_rest(sensor: Sensor, frames: Sequence[Frame], *, roi_px: Roi | None
     Raises:
         SensorError: the sensor has no layout, or its camera has another image size.
         SourceError: no frame could be decoded, or frames differ in size.
-        LayoutError: fewer than half of the markers were found.
+        LayoutError: fewer than half of the markers, or of those in the region, were found.
     """
     return register_and_count(sensor, frames, roi_px=roi_px)[0]
 
@@ -80,10 +83,7 @@ def register_and_count(
     sensor: Sensor, frames: Sequence[Frame], *, roi_px: Roi | None = None
 ) -> tuple[Sensor, int]:
     """As `register_rest`, with the number of markers that were found."""
-    if sensor.layout is None:
-        raise SensorError(
-            f"the sensor {sensor.name!r} has no markers: give a sensor file with [markers], or no sensor file"
-        )
+    require_markers(sensor)
     width, height = image_size(frames, roi_px)
     camera = sensor.camera
     if (width, height) != (camera.width_px, camera.height_px):
@@ -93,6 +93,7 @@ def register_and_count(
         )
     if camera.views:
         return _register_views(sensor, frames)
+    assert sensor.layout is not None
     if sensor.layout.polarity == "auto":
         return _register_in_frames(_with_surveyed_appearance(sensor, frames, roi_px), frames, roi_px)
     try:
@@ -102,6 +103,19 @@ def register_and_count(
             raise
     # Markers may be visible in colour only.
     return _register_in_frames(_with_surveyed_appearance(sensor, frames, roi_px), frames, roi_px)
+
+
+def require_markers(sensor: Sensor) -> None:
+    """Check that a sensor has a layout, not a camera only.
+
+    Raises:
+        SensorError: it has not.
+    """
+    if sensor.layout is None:
+        raise SensorError(
+            f"the sensor {sensor.name!r} has a camera but no [markers]: add them by manytouch calibrate rest "
+            "SOURCE --sensor FILE --pitch-mm P --out NEW_FILE, or omit the sensor file"
+        )
 
 
 def _register_views(sensor: Sensor, frames: Sequence[Frame]) -> tuple[Sensor, int]:
@@ -259,7 +273,7 @@ def _find_markers(sensor: Sensor, centre_px: np.ndarray, roi_px: Roi | None) -> 
     """The markers of a sensor among the centres (n, 2) of dots.
 
     Raises:
-        LayoutError: fewer than half of the markers were found.
+        LayoutError: fewer than half of the expected markers were found.
     """
     assert sensor.layout is not None
     layout = sensor.layout
@@ -267,15 +281,19 @@ def _find_markers(sensor: Sensor, centre_px: np.ndarray, roi_px: Roi | None) -> 
     nominal = tracker.start(replace(sensor, layout=replace(layout, rest_px=None)))
     # The nominal pose serves as the previous frame: markers near it have not shifted by a pitch.
     state, grid = tracker.step(replace(nominal, is_consecutive=True), _detections_at(centre_px))
-    found, wanted = int(grid.is_seen.sum()), int((~layout.is_missing).sum())
-    if found < _LEAST_SHARE * wanted:
+    # without a region all are expected: a camera that shows few of them is that of another sensor
+    is_expected = ~layout.is_missing if roi_px is None else nominal.graph.is_expected(state.position_px)
+    is_found = grid.is_seen & is_expected
+    found, wanted = int(is_found.sum()), int(is_expected.sum())
+    if found < max(_LEAST_SHARE * wanted, 1):
+        where = "" if roi_px is None else f" in the region of interest {roi_px}"
         raise LayoutError(
-            f"only {found} of the {wanted} markers of the sensor {sensor.name!r} were found in the first "
-            f"frames ({len(centre_px)} dots): check that the sensor file belongs to this recording, that the "
-            "sheet is untouched at the start, light and focus; or leave the sensor file out"
+            f"only {found} of the {wanted} markers of the sensor {sensor.name!r}{where} were found in the "
+            f"first frames ({len(centre_px)} dots): check that the sensor file belongs to this recording, "
+            "that the sheet is untouched at the start, light and focus; or leave the sensor file out"
         )
-    bulge = _bulge_in_pitches(sensor, grid.position_px, grid.is_seen)
-    return _MarkersAtRest(grid=grid, position_px=state.position_px, bulge=bulge)
+    bulge = _bulge_in_pitches(sensor, grid.position_px, is_found)
+    return _MarkersAtRest(grid=grid, is_expected=is_expected, position_px=state.position_px, bulge=bulge)
 
 
 def _registered_to_start(sensor: Sensor, markers: _MarkersAtRest, still_frames: int) -> tuple[Sensor, int]:
@@ -297,7 +315,8 @@ def _registered(
     """
     assert sensor.layout is not None
     layout, grid, bulge = sensor.layout, markers.grid, markers.bulge
-    found, wanted = int(grid.is_seen.sum()), int((~layout.is_missing).sum())
+    found, unseen = int(grid.is_seen.sum()), int((markers.is_expected & ~grid.is_seen).sum())
+    wanted = int(markers.is_expected.sum())
     if bulge > _touched_limit(sensor):
         sentence = (
             f"The markers depart from their places in the sensor file by {bulge:.2f} pitches at one "
@@ -307,10 +326,8 @@ def _registered(
         at_rest = replace(layout, rest_px=read_only(np.array(rest_px(sensor, layout))))
         return replace(sensor, layout=at_rest, assumptions=(*sensor.assumptions, sentence)), found
     sentence = f"The sheet is at rest in {where}."
-    if found < wanted:
-        sentence += (
-            f" {wanted - found} of {wanted} markers were not seen in them; their positions are interpolated."
-        )
+    if unseen:
+        sentence += f" {unseen} of {wanted} markers were not seen in them; their positions are interpolated."
     if bulge > _UNEVEN_PITCHES:
         sentence += (
             f" They depart from their places in the sensor file by {bulge:.2f} pitches at one place, by an "
@@ -318,7 +335,9 @@ def _registered(
         )
     camera = sensor.camera
     if sensor.sheet is not None and sensor.sheet.boundary == "clamped" and not camera.views:
-        camera = adapt_pose(camera, layout.rest_mm[grid.is_seen], grid.position_px[grid.is_seen])
+        # the border of a region cuts dots, which displaces them
+        is_whole = grid.is_seen & markers.is_expected
+        camera = adapt_pose(camera, layout.rest_mm[is_whole], grid.position_px[is_whole])
         sentence += _difference(sensor.camera, camera)
     kept = {name: value for name, value in sensor.provenance.items() if name not in _FRAMES_OF_REST}
     registered = replace(

@@ -22,7 +22,7 @@ from manytouch.calibration.marker_arrangements import (
     least_pressed,
     least_pressed_part,
 )
-from manytouch.calibration.rest.local_bulge import PRESSED_PITCHES, local_bulge_px
+from manytouch.calibration.rest.local_bulge import PRESSED_PITCHES, START_IS_REST, local_bulge_px
 from manytouch.estimation.local_motion import largest_of_still
 from manytouch.geometry.camera import mm_per_px
 from manytouch.pipeline import track_frames
@@ -217,14 +217,23 @@ def _with_rest(sensor: Sensor, position_px: Points2, frames: Sequence[int]) -> S
     seen = np.isfinite(position_px[:, 0])
     rest_px = np.where(seen[:, None], position_px, layout.rest_px)
     rest_px[~seen] += np.median(rest_px[seen] - layout.rest_px[seen], axis=0)
+    at_rest = replace(sensor, layout=replace(layout, rest_px=read_only(rest_px)))
     sentence = (
         f"The sheet is at rest in {len(frames)} of the frames {min(frames)} to {max(frames)}, in which the "
         "markers are stillest and most often in the same places."
     )
-    kept = tuple(each for each in sensor.assumptions if not each.startswith("The sheet is at rest in"))
+    if (bulge := _bulge_in_pitches(at_rest)) > PRESSED_PITCHES:
+        sentence += (
+            f" They depart from a regular lattice by {bulge:.2f} pitches at one place in them: the pattern "
+            "is uneven there, or the sheet was touched."
+        )
+    kept = tuple(
+        each
+        for each in sensor.assumptions
+        if not (each.startswith("The sheet is at rest in") or each.endswith(START_IS_REST))
+    )
     return replace(
-        sensor,
-        layout=replace(layout, rest_px=read_only(rest_px)),
+        at_rest,
         assumptions=(*kept, sentence),
         provenance={
             **{name: value for name, value in sensor.provenance.items() if name not in _OF_FIRST_FRAMES},

@@ -1,21 +1,20 @@
 """Errors as one line on stderr, with a traceback if --debug is given; also that of standard output."""
 
-import errno
-import os
+import io
 import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from manytouch.errors import ManytouchError
 
 if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
     from cyclopts import CycloptsError
 
 DEBUG_FLAG = "--debug"
 FAILED = 1
-_OF_WRITING = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG, errno.EPIPE)
 
 
 def report(error: Exception, place: str = "") -> None:
@@ -25,49 +24,69 @@ def report(error: Exception, place: str = "") -> None:
     print(f"manytouch: {place}{one_line(_message(error))}", file=sys.stderr)
 
 
-def flushed(status: int, error: BaseException | None = None) -> int:
-    """The exit status of a command after its standard output is flushed; `FAILED` if that fails.
+class StandardOutput(io.FileIO):
+    """Standard output that drops what cannot be printed, so that the command still completes its files.
 
-    What cannot be printed is dropped. The reason is printed on stderr, except that the reader, such as
-    `head`, has closed its end.
+    Attributes:
+        error: the first of printing; None while there is none.
+    """
+
+    error: ClassVar[OSError | None] = None
+
+    def write(self, data: "ReadableBuffer", /) -> int:
+        """Write, or drop the data if that failed once."""
+        if StandardOutput.error is None:
+            try:
+                return super().write(data)
+            except OSError as error:
+                StandardOutput.error = error
+        return memoryview(data).nbytes
+
+
+def complete_without_output() -> None:
+    """Let errors of standard output, such as a full disk or `| head`, not end the command."""
+    given = sys.stdout
+    if not isinstance(given, io.TextIOWrapper) or given is not sys.__stdout__:
+        return
+    raw = given.buffer.raw if isinstance(given.buffer, io.BufferedWriter) else given.buffer
+    if type(raw) is not io.FileIO:
+        return
+    own: Any = StandardOutput(given.fileno(), "wb", closefd=False)
+    sys.stdout = io.TextIOWrapper(
+        own if raw is given.buffer else io.BufferedWriter(own),
+        encoding=given.encoding,
+        errors="replace",
+        line_buffering=given.line_buffering,
+        write_through=given.write_through,
+    )
+
+
+def has_no_reader() -> bool:
+    """Whether what reads the standard output, such as `head`, has ended."""
+    return isinstance(StandardOutput.error, BrokenPipeError)
+
+
+def flushed(status: int) -> int:
+    """The exit status of a command after its standard output is flushed.
+
+    It is `FAILED` if something could not be printed, for which the reason is printed on stderr. That nobody
+    reads any more, as after `| head`, is no failure.
 
     Args:
         status: if everything could be printed.
-        error: that has ended the command. If an error of writing caused it, a line break is printed, which
-            shows whether that was of standard output: unbuffered, nothing is left to be flushed.
     """
     if sys.stdout is None or sys.stdout.closed:
         return status
-    try:
-        if _is_of_writing(error):
-            sys.stdout.write("\n")
-        sys.stdout.flush()
-    except OSError as failed:
-        _drop_output()
-        if not isinstance(failed, BrokenPipeError):
-            print(
-                f"manytouch: cannot print to standard output ({failed.strerror or failed}): free some space "
-                "there, or send it elsewhere",
-                file=sys.stderr,
-            )
-        return FAILED
-    return status
-
-
-def _is_of_writing(error: BaseException | None) -> bool:
-    while error is not None:
-        if isinstance(error, OSError) and error.errno in _OF_WRITING:
-            return True
-        error = error.__cause__ or error.__context__
-    return False
-
-
-def _drop_output() -> None:
-    """Send to nowhere what standard output still has: Python writes it when the process ends."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, sys.stdout.fileno())
-    os.close(nowhere)
     sys.stdout.flush()
+    error = StandardOutput.error
+    if error is None or has_no_reader():
+        return status
+    print(
+        f"manytouch: cannot print to standard output ({error.strerror or error}): free some space "
+        "there, or send it elsewhere",
+        file=sys.stderr,
+    )
+    return FAILED
 
 
 def usage_error(verb: str, sentence: str) -> "CycloptsError":

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any, ClassVar
 
+from manytouch.cli.terminal.failures import has_no_reader
+
 TERMINATED = 128 + int(signal.SIGTERM)
 HANG_UP: int | None = None if sys.platform == "win32" else signal.SIGHUP
 """Sent when the terminal is closed, or the connection to it lost; not on Windows."""
@@ -22,20 +24,23 @@ class StopOnSignal:
     another thread than the main one, its block changes nothing.
 
     Attributes:
+        is_live: whether a standard output that nobody reads any more requests a stop too: a live session may
+            have no end of its own.
         is_terminated: whether SIGTERM or SIGHUP has requested a stop in this process, whose exit status is
             then `TERMINATED`, since the program that has sent it wanted no more than what is complete.
     """
 
     is_terminated: ClassVar[bool] = False
 
-    def __init__(self) -> None:
+    def __init__(self, *, is_live: bool = False) -> None:
+        self.is_live = is_live
         self._is_requested = False
         self._is_at_once = False
         self._previous: dict[int, Any] = {}
         self._terminals: list[int] = []
 
     def __call__(self) -> bool:
-        return self._is_requested
+        return self._is_requested or (self.is_live and has_no_reader())
 
     @contextmanager
     def at_once(self) -> Iterator[None]:

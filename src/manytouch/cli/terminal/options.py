@@ -2,14 +2,16 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter, Token, validators
 
 from manytouch.cli.terminal.failures import usage_error
-from manytouch.limits import HIGHEST_FPS, LARGEST_NUMBER
+from manytouch.errors import without_password
+from manytouch.limits import HIGHEST_FPS, LARGEST_NUMBER, LEAST_HFOV_DEG, MOST_HFOV_DEG
+from manytouch.source_names import is_camera, views_of
 
 Method = Literal["mechanics", "perimeter", "paper"]
 
@@ -35,15 +37,16 @@ def _pitch(_: Any, tokens: Sequence[Token]) -> float | tuple[float, float]:
     return found[0] if len(found) == 1 else (found[0], found[1])
 
 
-def _fps(_: Any, tokens: Sequence[Token]) -> float:
-    (fps,) = _numbers(tokens, (1,), "a number of frames per second")
-    least = 1.0 / HIGHEST_FPS
-    if not least <= fps <= HIGHEST_FPS:
-        raise ValueError(
-            f"expected a number of frames per second from {least:g} to {HIGHEST_FPS:g}, "
-            f"found {tokens[0].value!r}"
-        )
-    return fps
+def _between(what: str, least: float, most: float) -> Any:
+    """A converter for numbers in a range."""
+
+    def convert(_: Any, tokens: Sequence[Token]) -> float:
+        (value,) = _numbers(tokens, (1,), what)
+        if not least <= value <= most:
+            raise ValueError(f"expected {what} from {least:g} to {most:g}, found {tokens[0].value!r}")
+        return value
+
+    return convert
 
 
 def numbers(count: int, form: str) -> Any:
@@ -119,23 +122,48 @@ def _is_token(_: Any, value: str | None) -> None:
 
 
 def refuse_two_scales(verb: str, sensor: str | None, pitch_mm: object, hfov_deg: object) -> None:
-    """Refuse --pitch-mm and --hfov-deg together with a sensor file, which contains both.
+    """Refuse --pitch-mm and --hfov-deg together with a sensor file.
 
     Raises:
         CycloptsError: both are given.
     """
     if sensor is not None and (pitch_mm is not None or hfov_deg is not None):
-        raise usage_error(verb, "a sensor file contains pitch and camera: omit --pitch-mm and --hfov-deg")
+        raise usage_error(
+            verb,
+            "--pitch-mm and --hfov-deg are for inputs without a sensor file: omit them, or the file; "
+            "manytouch calibrate rest adds [markers] to a file that has a [camera] only",
+        )
 
 
-def positive(what: str, below: float | None = None) -> Any:
-    """A converter for positive numbers, optionally below a limit."""
+def given_options(options: Mapping[str, object]) -> list[str]:
+    """The names of those options that were given."""
+    return [
+        name for name, value in options.items() if not (value is None or value is False or value in ((), {}))
+    ]
+
+
+def refuse_camera_options(verb: str, source: str, camera_options: Mapping[str, object]) -> None:
+    """Refuse options of a camera with a source that is none, such as a file or a stream.
+
+    Raises:
+        CycloptsError: one is given.
+    """
+    given = given_options(camera_options)
+    if given and not any(is_camera(part) and "://" not in part for part in views_of(source)):
+        raise usage_error(
+            verb,
+            f"{', '.join(given)} can be requested of a camera of this computer only, not of "
+            f"{without_password(source)}: omit them",
+        )
+
+
+def positive(what: str) -> Any:
+    """A converter for positive numbers."""
 
     def convert(_: Any, tokens: Sequence[Token]) -> float:
         (value,) = _numbers(tokens, (1,), what)
-        if not value > 0 or (below is not None and value >= below):
-            limit = "" if below is None else f" and less than {below:g}"
-            raise ValueError(f"expected {what} above 0{limit}, found {tokens[0].value}")
+        if not value > 0:
+            raise ValueError(f"expected {what} above 0, found {tokens[0].value}")
         return value
 
     return convert
@@ -240,7 +268,7 @@ HfovDeg = Annotated[
     Parameter(
         name="--hfov-deg",
         metavar="A",
-        converter=positive("an angle in degrees", 180.0),
+        converter=_between("an angle in degrees", LEAST_HFOV_DEG, MOST_HFOV_DEG),
         n_tokens=1,
         help="Horizontal field of view of the camera. Without it 60 degrees is assumed.",
     ),
@@ -271,7 +299,7 @@ Fps = Annotated[
     Parameter(
         name="--fps",
         metavar="F",
-        converter=_fps,
+        converter=_between("a number of frames per second", 1.0 / HIGHEST_FPS, HIGHEST_FPS),
         n_tokens=1,
         help="Override the frame rate, frames per second.",
     ),

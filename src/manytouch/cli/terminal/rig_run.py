@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from manytouch.cli.terminal.failures import usage_error
-from manytouch.cli.terminal.options import HOST
+from manytouch.cli.terminal.options import HOST, given_options
 from manytouch.errors import ManytouchError
 from manytouch.rigs.rig_contact import RigContact
 from manytouch.values import Phase
@@ -94,7 +94,7 @@ def run_rig_file(
     if page is not None:
         log.on_note(rig.name, f"all sensors at {page.url}")
     try:
-        with StopOnSignal() as stop:
+        with StopOnSignal(is_live=True) as stop:
             states = run_rig(
                 rig,
                 log,
@@ -128,9 +128,7 @@ def _refuse_options(given: Mapping[str, object]) -> None:
     Raises:
         CycloptsError: one is.
     """
-    wrong = [
-        name for name, value in given.items() if not (value is None or value is False or value in ((), {}))
-    ]
+    wrong = given_options(given)
     if wrong:
         raise usage_error(
             "run",

@@ -32,7 +32,9 @@ def contents(evaluation: Evaluation) -> dict[str, Any]:
         {
             "schema": SCHEMA,
             "title": evaluation.title,
-            "truth": evaluation.truth_description,
+            "truth": "; ".join(
+                (evaluation.truth_description, *(f"warning: {each}" for each in evaluation.warnings))
+            ),
             "unit": unit_of(evaluation),
             "methods": list(evaluation.methods),
             "recordings": len(evaluation.trials),

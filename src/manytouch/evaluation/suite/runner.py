@@ -56,6 +56,7 @@ class Evaluation:
         truth_description: what the truth is, and what is not in it.
         methods: in the order of the tables.
         trials: all recordings.
+        warnings: why figures may mean nothing.
         left_out: titles of cases that could not be simulated, and why.
         settings: parameters, versions and whatever else should be known, by method.
         seconds: that the whole took; NaN when it was only compared.
@@ -65,6 +66,7 @@ class Evaluation:
     truth_description: str
     methods: tuple[str, ...]
     trials: tuple[Trial, ...]
+    warnings: tuple[str, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     seconds: float = float("nan")

@@ -54,7 +54,7 @@ def run_tasks(
         stop: called before each task; once it returns True no other is begun.
 
     Raises:
-        ManytouchError: a process was killed.
+        ManytouchError: a process was killed, and no stop was requested.
     """
     if processes == 1 or len(tasks) < 2:
         for number, task in enumerate(tasks):
@@ -76,6 +76,8 @@ def run_tasks(
                 for done in wait(waiting, return_when=FIRST_COMPLETED).done:
                     yield waiting.pop(done), done.result()
         except BrokenProcessPool:
+            if stop is not None and stop():
+                return  # SIGTERM to all processes, as a service manager sends it, ended them too
             raise ManytouchError(
                 "a process was killed, perhaps for want of memory; the same command goes on where it ended"
             ) from None

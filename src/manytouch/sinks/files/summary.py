@@ -18,7 +18,13 @@ from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.hashing import result_hash
 from manytouch.sinks.files.rest.end_shift import EndShift
 from manytouch.sinks.files.rest.rest_noise import RestNoise
-from manytouch.sinks.files.sensor_description import estimated_pretension, layout_of, sensor_to_dict, view_mm
+from manytouch.sinks.files.sensor_description import (
+    estimated_pretension,
+    layout_of,
+    rest_px,
+    sensor_to_dict,
+    view_mm,
+)
 from manytouch.sinks.files.tables import WITHOUT_SHEET, method_of
 from manytouch.tracking.held_markers import COMPRESSED_VIDEO
 from manytouch.values import LengthUnit, Reading, Roi, Sensor, SheetSpline, Status
@@ -39,7 +45,13 @@ class Summary:
     """
 
     def __init__(
-        self, *, sensor: Sensor, pipeline: Pipeline, method: str, recording: Mapping[str, Any]
+        self,
+        *,
+        sensor: Sensor,
+        pipeline: Pipeline,
+        method: str,
+        recording: Mapping[str, Any],
+        roi_px: Roi | None = None,
     ) -> None:
         """Start a summary.
 
@@ -48,8 +60,10 @@ class Summary:
             pipeline: its stages, whose parameters are recorded.
             method: name of the method.
             recording: a description of the input; `frame_count` is the announced number of frames, or None.
+            roi_px: the part of the image that is processed; None for all of it.
         """
         self._sensor = sensor
+        self._roi_px = roi_px
         self._pipeline = pipeline
         self._method = method
         self._recording = dict(recording)
@@ -221,6 +235,10 @@ class Summary:
             )
         present = ~layout_of(self._sensor).is_missing
         searched = frames - self._status[Status.DECODE_ERROR] - self._status[Status.WRONG_SIZE]
+        if self._roi_px is not None:
+            x, y, width, height = self._roi_px
+            beyond_px = rest_px(self._sensor) - [x, y]
+            present &= ((beyond_px > 0) & (beyond_px < [width, height])).all(axis=1)
         rare = np.flatnonzero(present & (self._seen_count < RARELY_SEEN * searched))
         if len(rare):
             named = ", ".join(str(marker) for marker in rare[:12]) + (", ..." if len(rare) > 12 else "")

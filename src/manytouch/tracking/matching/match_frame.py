@@ -98,7 +98,7 @@ def match_frame(
         state: from the frames before.
         pool: of the graph.
     """
-    present, number = graph.present_count, len(dots.centre_px)
+    present, number = graph.expected_count, len(dots.centre_px)
     if number == 0 or present == 0:
         return _no_match(graph, state)
     best = _try_guess(graph, dots, guess_px, state, pool)

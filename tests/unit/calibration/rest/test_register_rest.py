@@ -193,6 +193,23 @@ def test_registration_passes_the_region_of_interest_to_tracking(monkeypatch):
     assert requested == [Roi(10, 20, 600, 380)]
 
 
+def test_markers_outside_the_region_of_interest_are_not_expected():
+    sensor = sensor_of(grid_px())
+    layout = sensor.layout
+    assert layout is not None
+    region = Roi(60, 50, 180, 200)
+    is_inside = (layout.rest_px > [75.0, 65.0]).all(axis=1) & (layout.rest_px < [225.0, 235.0]).all(axis=1)
+    assert is_inside.mean() < 0.3
+    found = register_dots(sensor, layout.rest_px[is_inside], roi_px=region)
+    assert not any("not seen" in sentence for sentence in found.assumptions)
+    fewer = register_dots(sensor, layout.rest_px[is_inside][1:], roi_px=region)
+    assert any(f"1 of {is_inside.sum()} markers were not seen" in each for each in fewer.assumptions)
+    with pytest.raises(LayoutError, match=f"only 0 of the {is_inside.sum()} markers .* in the region"):
+        register_dots(sensor, np.zeros((0, 2)), roi_px=region)
+    with pytest.raises(LayoutError, match="only 0 of the 0 markers"):
+        register_dots(sensor, np.zeros((0, 2)), roi_px=Roi(0, 0, 30, 30))
+
+
 def test_a_recording_of_another_sheet_is_refused():
     sensor = sensor_of(grid_px())
     other = np.random.default_rng(2).uniform([50.0, 50.0], [600.0, 380.0], (25, 2))
@@ -406,3 +423,16 @@ def test_a_detectable_shift_gives_no_assumption(warnings):
 def test_a_pitch_without_a_size_is_refused(pitch_mm) -> None:
     with pytest.raises(SensorError, match="a pitch is a length from 1e-09 to 1e"):
         sensor_from_rest((), name="x", pitch_mm=pitch_mm)
+
+
+def test_dots_that_the_border_of_the_region_cuts_do_not_change_the_pose():
+    """Their centres are displaced by pixels."""
+    sensor = demo_sensor()
+    layout = sensor.layout
+    assert layout is not None
+    place_px = project(sensor.camera, layout.rest_mm)
+    bottom_px = place_px[450, 1] + 5.0
+    dots = place_px[(place_px > [200.0, 100.0]).all(axis=1) & (place_px < [600.0, bottom_px]).all(axis=1)]
+    dots[dots[:, 1] > bottom_px - 12.0, 1] -= 3.0
+    found = register_dots(sensor, dots, roi_px=Roi(200, 100, 400, round(bottom_px) - 100))
+    np.testing.assert_allclose(found.camera.rotation_vector, sensor.camera.rotation_vector, atol=1e-4)

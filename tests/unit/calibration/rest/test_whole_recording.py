@@ -10,6 +10,7 @@ from flat_sensor import detections_of, flat_sensor, rectangle_px
 from layouts import grid_at, rows_and_columns
 from manytouch.calibration import sensor_from_rest
 from manytouch.calibration.rest.assumed_sensor import sensor_from_dots
+from manytouch.calibration.rest.local_bulge import START_IS_REST
 from manytouch.calibration.rest.whole_recording import (
     RestDoubt,
     SettledRest,
@@ -176,3 +177,26 @@ def test_pictures_of_different_sheets_in_a_folder_are_stated() -> None:
     others = [frame(8 + k, random.integers(0, 256, alike[0].image.shape, dtype=np.uint8)) for k in range(10)]
     stated = with_unrelated_pictures(sensor, [alike[0], *others])
     assert "Only 1 of 11 pictures" in stated.assumptions[-1]
+
+
+def test_the_rest_of_the_recording_replaces_what_was_assumed_of_its_start() -> None:
+    """Otherwise one sentence states the start as rest, and another one later frames."""
+    grid_px = rectangle_px(10, 12, (45.0, 35.0), (60.0, 40.0))
+    away = grid_px - grid_px[65]
+    press = 0.5 * np.exp(-0.5 * (away**2).sum(axis=1, keepdims=True) / 70.0**2) * away
+    sensor = sensor_from_dots(
+        merge_rest_dots([detections_of(grid_px + press)] * 5),
+        name="pressed",
+        width_px=640,
+        height_px=420,
+        polarity="dark",
+    )
+    assert any(each.endswith(START_IS_REST) for each in sensor.assumptions)
+    for later_px, is_touched in ((0.0 * press, False), (0.7 * press, True)):
+        moved = [press] * 20 + [later_px] * 60
+        grids = [grid_at(grid_px + each, noise_px=NOISE_PX, seed=k) for k, each in enumerate(moved)]
+        found = settle_rest(sensor, grids, range(len(grids)))
+        assert found.still_frames
+        (sentence,) = (each for each in found.sensor.assumptions if "rest" in each)
+        assert f"of the frames {min(found.still_frames)} to" in sentence
+        assert ("or the sheet was touched" in sentence) == is_touched

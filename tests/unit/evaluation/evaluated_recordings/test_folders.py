@@ -5,8 +5,10 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
@@ -16,7 +18,7 @@ from manytouch.evaluation.evaluated_recordings.evaluated_recording import Evalua
 from manytouch.evaluation.evaluated_recordings.folders import load_result, load_truth
 from manytouch.evaluation.evaluated_recordings.in_memory import recording_of_readings, recording_of_truths
 from manytouch.evaluation.metrics.comparison import compare, figures
-from manytouch.evaluation.report.report_data import plain
+from manytouch.evaluation.report.report_data import contents, plain
 from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable
 from manytouch.values import (
     Contact,
@@ -271,3 +273,33 @@ def test_frames_that_are_missing_are_reported(folders: tuple[Path, Path], sensor
     assert (found.frames, found.true_frames) == (2, 4)
     assert found.notes == ("2 of 4 true frames are not in the result",)
     assert figures(found)["contacts"]["recall_percent"] == 100
+
+
+def with_markers(folder: Path, *, off_px: float = 0.0, fewer: int = 0) -> None:
+    """Write markers that are farther to the right, or without the last ones."""
+    path = folder / "markers.parquet"
+    table = pq.read_table(path)
+    column = table.column_names.index("x_px")
+    table = table.set_column(column, "x_px", pc.add(table["x_px"], off_px))
+    pq.write_table(table.filter(pc.less(table["marker"], MARKERS - fewer)), path)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({}, None),
+        ({"off_px": 5.0}, None),
+        ({"off_px": 30.0}, "the markers of the result are 30 px away"),
+        ({"fewer": 3}, f"the result has {MARKERS} markers and the truth {MARKERS - 3}"),
+    ],
+)
+def test_a_truth_that_may_be_of_another_sensor_is_a_warning(
+    folders: tuple[Path, Path], changed: dict[str, Any], words: str | None
+) -> None:
+    with_markers(folders[1], **changed)
+    evaluation = evaluate_folders(*folders)
+    assert len(evaluation.warnings) == (words is not None)
+    for sentence in evaluation.warnings:
+        assert words is not None
+        assert words in sentence
+        assert sentence in contents(evaluation)["truth"]

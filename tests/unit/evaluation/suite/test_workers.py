@@ -31,6 +31,11 @@ def test_a_killed_process_is_reported_in_a_sentence() -> None:
         list(run_tasks(os._exit, [3, 3], processes=2))
 
 
+def test_processes_that_end_with_a_requested_stop_are_no_failure() -> None:
+    answers = iter((False, False))
+    assert list(run_tasks(os._exit, [3, 3], processes=2, stop=lambda: next(answers, True))) == []
+
+
 BUSY = """
 import os, sys, time
 from pathlib import Path

@@ -18,6 +18,7 @@ from manytouch.sinks.files.sensor_description import (
     describe_view,
     estimated_pretension,
     pitch_px,
+    rest_px,
     sensor_to_dict,
 )
 from manytouch.sinks.files.summary import Summary, parameters
@@ -256,3 +257,13 @@ def test_the_size_of_the_picture_on_the_sheet_shows_a_wrong_scale(sensor):
     unknown = replace(guessed, scale_is_known=False)
     assert describe_view(unknown) is None
     assert summary_of(unknown).to_dict()["view_mm"] is None
+
+
+def test_markers_outside_the_region_of_interest_are_no_rare_ones(sensor, reading_of):
+    outside = 0
+    x_px = rest_px(sensor)[outside, 0]
+    region = Roi(int(x_px) + 5, 0, 2000, 2000)
+    for roi_px, is_warned in ((None, True), (region, False)):
+        summary = Summary(sensor=sensor, pipeline=pipeline_of(), method="paper", recording={}, roi_px=roi_px)
+        summary.write(reading_of(0, unseen=(outside,)))
+        assert any("less than half" in sentence for sentence in summary.warnings()) == is_warned
