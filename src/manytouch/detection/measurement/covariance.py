@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.compilation import REORDER, inlined_kernel, kernel, no_type_check, u64
+from manytouch.detection.light_slopes import squares_of_slopes, trend_slopes, usual_slope
 from manytouch.detection.measurement.records import (
     AREA,
     COLUMNS,
@@ -39,28 +40,22 @@ class NoiseModel(NamedTuple):
 
     Attributes:
         least_variance: smallest variance of a pixel.
-        even_slope: usual change of light over the radius of a dot, over its contrast.
-        even_dots: weight of this usual change against those of the dots, in dots.
-        steep: times the mean square of a slope; noise exceeds it once in 8000 dots.
         clearance_px: least distance of core and edge of a dot with a steep slope.
         outlier: times the mean variance; 64 plain pixels seldom exceed it.
         outlier_of_one: the same limit for a single squared residual.
         texture: ratio to the usual variance above which a background is textured.
-        floor_px, floor_px3: deviation that square pixels leave without noise, floor + floor_px3 / r^2,
+        floor_px, floor_px4: deviation that square pixels leave without noise, floor + floor_px4 / r^3,
             measured on rendered discs of radius r = 1.5 to 11 px, blurred by 0.3 to 0.8 px. More blurred ones
             have more.
     """
 
     least_variance: float = 0.09
-    even_slope: float = 0.03
-    even_dots: float = 0.3
-    steep: float = 9.0
     clearance_px: float = 1.9
     outlier: float = 1.6
     outlier_of_one: float = 9.0
     texture: float = 2.0
-    floor_px: float = 0.0015
-    floor_px3: float = 0.03
+    floor_px: float = 0.0018
+    floor_px4: float = 0.05
 
 
 class PixelNoise(NamedTuple):
@@ -96,6 +91,7 @@ def store_dot(dot: MeasuredDot, row: int, statistics: DotStatistics) -> None:
     statistics.scale[row], statistics.area[row] = gain / (fit.contrast * sums.total), sums.total
     statistics.background[row], statistics.contrast[row] = fit.background, fit.contrast
     statistics.contrast_x[row], statistics.contrast_y[row] = fit.contrast_x, fit.contrast_y
+    statistics.background_x[row], statistics.background_y[row] = fit.background_x, fit.background_y
     statistics.background_variance[row] = fit.background_variance
     statistics.background_spread[row] = fit.background_spread
     statistics.core_spread[row], statistics.core_variance[row] = fit.core_spread, fit.core_variance
@@ -109,6 +105,7 @@ def store_nothing(row: int, statistics: DotStatistics, out: Float64[np.ndarray, 
         out[row, column] = np.nan
     statistics.contrast[row] = statistics.contrast_x[row] = statistics.contrast_y[row] = 0.0
     statistics.background[row] = statistics.background_spread[row] = statistics.core_spread[row] = 0.0
+    statistics.background_x[row] = statistics.background_y[row] = 0.0
     statistics.background_variance[row] = statistics.core_variance[row] = -1.0
     statistics.low[row] = MOST_LOW
 
@@ -123,7 +120,7 @@ def store_position(
     `size` is the width and height of the image.
     """
     sums, total = dot.moments, dot.moments.total
-    least = MODEL.floor_px + MODEL.floor_px3 / (radius * radius)
+    least = MODEL.floor_px + MODEL.floor_px4 / (radius * radius * radius)
     out[row, CXX] = out[row, CYY] = least * least
     out[row, CXY] = 0.0
     x, y = dot.x + sums.x / total, dot.y + sums.y / total
@@ -217,55 +214,6 @@ def pixel_noise(statistics: DotStatistics, is_light: bool) -> PixelNoise:
     return PixelNoise(background, core, background_level, growth)
 
 
-@kernel(fastmath=REORDER)
-@no_type_check
-def _slopes(
-    statistics: DotStatistics, radius: Float64[np.ndarray, " n"], core: float,
-    square: Float64[np.ndarray, " n"], noise: Float64[np.ndarray, " n"],
-) -> None:  # fmt: skip
-    """Mean squares (n,), along an axis, of the cores' slopes, and of the noise in them, over a radius.
-
-    In parts of the contrast; the first is -1 where no slope is known. `core` is the usual variance there.
-    """
-    contrast, spread = statistics.contrast, statistics.core_spread
-    slope_x, slope_y = statistics.contrast_x, statistics.contrast_y
-    for i in range(u64(len(contrast))):
-        share = radius[i] / contrast[i]
-        share *= share
-        is_known = spread[i] > 0.0
-        square[i] = 0.5 * share * (slope_x[i] * slope_x[i] + slope_y[i] * slope_y[i]) if is_known else -1.0
-        noise[i] = 2.0 * share * core / spread[i] if is_known else 0.0
-
-
-@kernel(fastmath=REORDER)
-@no_type_check
-def _sum_slopes(
-    square: Float64[np.ndarray, " n"], noise: Float64[np.ndarray, " n"], limit: float
-) -> tuple[float, float, float]:
-    """Number of the slopes within the limit, and sums of their squares and of the noise in these."""
-    number = squares = total = 0.0
-    for i in range(u64(len(square))):
-        is_usual = 0.0 <= square[i] <= limit
-        number += 1.0 if is_usual else 0.0
-        squares += square[i] if is_usual else 0.0
-        total += noise[i] if is_usual else 0.0
-    return number, squares, total
-
-
-@kernel()
-@no_type_check
-def _usual_slope(square: Float64[np.ndarray, " n"], noise: Float64[np.ndarray, " n"]) -> tuple[float, float]:
-    """Usual mean square of a slope without its noise, and that from which on one is steep."""
-    prior = MODEL.even_dots * MODEL.even_slope * MODEL.even_slope
-    limit, usual = np.inf, MODEL.even_slope * MODEL.even_slope
-    for _ in range(3):
-        number, squares, total = _sum_slopes(square, noise, limit)
-        number, squares = number + MODEL.even_dots, squares + prior
-        limit = MODEL.steep * squares / number
-        usual = max(squares - total, prior) / number
-    return usual, limit
-
-
 @inlined_kernel()
 @no_type_check
 def _is_clear(xx: float, xy: float, yy: float, area: float, radius: float) -> bool:
@@ -295,6 +243,48 @@ def _passed_noise(
     return float(passed)
 
 
+class _Trend(NamedTuple):
+    """Slopes of background and core of all dots, relative to those of the light over the image.
+
+    Attributes:
+        is_known: whether there are dots enough for the light over the image; else it counts as even, and
+            slopes are not shrunk.
+        apart: (2, n) slopes of the light on cores minus those on backgrounds, grey levels per px.
+        background, core: (2, n) slopes minus those of the light.
+        of_background, of_core: (2, n) see `squares_of_slopes`.
+    """
+
+    is_known: bool
+    apart: Float64[np.ndarray, "2 n"]
+    background: Float64[np.ndarray, "2 n"]
+    core: Float64[np.ndarray, "2 n"]
+    of_background: Float64[np.ndarray, "2 n"]
+    of_core: Float64[np.ndarray, "2 n"]
+
+
+@kernel()
+@no_type_check
+def _trend(statistics: DotStatistics, x: Float64[np.ndarray, " n"], y: Float64[np.ndarray, " n"]) -> _Trend:
+    """Slopes without their squares, which are still to be computed."""
+    memory = np.empty((14, len(x)))
+    level, background, core, scratch = memory[0:1], memory[1:3], memory[3:5], memory[5:9]
+    is_known = trend_slopes(x, y, statistics.background, scratch, background)
+    for i in range(len(x)):
+        level[0, i] = statistics.background[i] + statistics.contrast[i]
+    is_known &= trend_slopes(x, y, level[0], scratch, core)
+    if not is_known:
+        background[:] = 0.0
+        core[:] = 0.0
+    apart = memory[9:11]
+    for i in range(len(x)):
+        apart[0, i], apart[1, i] = core[0, i] - background[0, i], core[1, i] - background[1, i]
+        core[0, i] = statistics.background_x[i] + statistics.contrast_x[i] - core[0, i]
+        core[1, i] = statistics.background_y[i] + statistics.contrast_y[i] - core[1, i]
+        background[0, i] = statistics.background_x[i] - background[0, i]
+        background[1, i] = statistics.background_y[i] - background[1, i]
+    return _Trend(is_known, apart, background, core, scratch[0:2], scratch[2:4])
+
+
 @kernel()
 @no_type_check
 def add_noise(
@@ -314,9 +304,18 @@ def add_noise(
         out: measured dots; centres and covariances are changed.
     """
     noise = pixel_noise(statistics, is_light)
-    square, slope_noise = np.empty(len(out)), np.empty(len(out))
-    _slopes(statistics, radius, noise.core, square, slope_noise)
-    even, steep = _usual_slope(square, slope_noise)
+    fine_variance = max(fine_noise * fine_noise, MODEL.least_variance)
+    trend = _trend(statistics, out[:, X], out[:, Y])
+    unit = np.empty(len(out))
+    for i in range(len(out)):
+        unit[i] = radius[i] / statistics.contrast[i]
+    usual_variance = min(noise.background, fine_variance)
+    squares_of_slopes(
+        trend.background, statistics.background_spread, unit, usual_variance, trend.of_background
+    )
+    squares_of_slopes(trend.core, statistics.core_spread, unit, noise.core, trend.of_core)
+    even_background, steep_background = usual_slope(trend.of_background[0], trend.of_background[1])
+    even_core, steep_core = usual_slope(trend.of_core[0], trend.of_core[1])
     for i in range(len(out)):
         if np.isnan(out[i, X]):
             continue
@@ -326,26 +325,34 @@ def add_noise(
         background_variance = max(background_variance, MODEL.least_variance)
         core_variance = max(background_variance + noise.growth * contrast, MODEL.least_variance)
         # smooth shading in the ring moves its plane, but always alike
-        slope_variance = min(background_variance, max(fine_noise * fine_noise, MODEL.least_variance))
+        slope_variance = min(background_variance, fine_variance)
         own = statistics.background_variance[i]
         if own > MODEL.texture * background_variance:
             core_variance += own - background_variance
             background_variance = slope_variance = own
         spread, core_spread = statistics.background_spread[i], statistics.core_spread[i]
         of_background = 2.0 * slope_variance / spread if spread > 0.0 else 0.0
-        share = of_core = 0.0
+        share, square = 1.0 / (unit[i] * unit[i]), trend.of_background[0, i]
+        is_kept = not trend.is_known or square > steep_background
+        kept = 1.0 if is_kept else share * even_background / (share * even_background + of_background)
+        lost_x, lost_y = (1.0 - kept) * trend.background[0, i], (1.0 - kept) * trend.background[1, i]
+        tilt = kept * of_background
         if core_spread > 0.0:
-            expected, variance = even * (contrast / radius[i]) ** 2, 2.0 * core_variance / core_spread
-            is_steep = square[i] > steep and _is_clear(xx, xy, yy, statistics.area[i], radius[i])
-            share = 1.0 if is_steep else expected / (expected + variance)
-            of_core = share * variance
-            back = 0.5 * scale * (1.0 - share)
-            out[i, X] += back * (xx * statistics.contrast_x[i] + xy * statistics.contrast_y[i])
-            out[i, Y] += back * (xy * statistics.contrast_x[i] + yy * statistics.contrast_y[i])
+            of_core = 2.0 * core_variance / core_spread
+            is_kept = not trend.is_known or (
+                trend.of_core[0, i] > steep_core and _is_clear(xx, xy, yy, statistics.area[i], radius[i])
+            )
+            kept = 1.0 if is_kept else share * even_core / (share * even_core + of_core)
+            lost_x += (1.0 - kept) * trend.core[0, i]
+            lost_y += (1.0 - kept) * trend.core[1, i]
+            tilt = 0.25 * (tilt + kept * of_core)
+        else:
+            # without a plane of its own, the dot was taken to be parallel to its background
+            lost_x, lost_y = 2.0 * lost_x - trend.apart[0, i], 2.0 * lost_y - trend.apart[1, i]
+        out[i, X] += 0.5 * scale * (xx * lost_x + xy * lost_y)
+        out[i, Y] += 0.5 * scale * (xy * lost_x + yy * lost_y)
         passed = _passed_noise(statistics, i, background_variance, core_variance)
-        # what the slope of the core does not follow, an error of the background's slope moves in full
         edge = 0.5 * (background_variance + core_variance)
-        tilt = (1.0 - 0.5 * share) ** 2 * of_background + 0.25 * of_core
         scale *= scale
         out[i, CXX] += scale * (edge * xx + passed + tilt * (xx * xx + xy * xy))
         out[i, CXY] += scale * (edge * xy + tilt * xy * (xx + yy))

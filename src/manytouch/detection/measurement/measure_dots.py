@@ -191,11 +191,11 @@ def measure_dots(
         np.empty(STRIP * patterns.mask.shape[1] if channels > 1 else 0, dtype=np.float32),
         np.empty((2, 8), dtype=np.float32),
     )
-    memory = np.empty((15, number))
+    memory = np.empty((17, number))
     statistics = DotStatistics(
         memory[0], memory[1], memory[2], memory[3], memory[4], memory[5], memory[6], memory[7],
         memory[8], memory[9], memory[10], memory[11], memory[12], memory[13],
-        memory[14],
+        memory[14], memory[15], memory[16],
     )  # fmt: skip
     status = np.empty(number, dtype=np.int8)
     _measure_plain_dots(pixels, expected, patterns, options, scratch, statistics, status, out)

@@ -185,8 +185,9 @@ class DotStatistics(NamedTuple):
         window: (n,) integral of x^2 over the window about its middle, px^4.
         scale: (n,) shift of the centre in px by one grey level more in one pixel, per px of its offset.
         area: (n,) sum of the weights, px^2.
-        background, contrast, contrast_x, contrast_y, background_variance, background_spread, core_spread,
-            core_variance, low: (n,) as in `BrightnessFit`; the variances are -1 where there is no dot.
+        background, background_x, background_y, contrast, contrast_x, contrast_y, background_variance,
+            background_spread, core_spread, core_variance, low: (n,) as in `BrightnessFit`; the variances are
+            -1 where there is no dot.
     """
 
     edge_xx: Float64[np.ndarray, " n"]
@@ -196,6 +197,8 @@ class DotStatistics(NamedTuple):
     scale: Float64[np.ndarray, " n"]
     area: Float64[np.ndarray, " n"]
     background: Float64[np.ndarray, " n"]
+    background_x: Float64[np.ndarray, " n"]
+    background_y: Float64[np.ndarray, " n"]
     contrast: Float64[np.ndarray, " n"]
     contrast_x: Float64[np.ndarray, " n"]
     contrast_y: Float64[np.ndarray, " n"]
