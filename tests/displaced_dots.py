@@ -31,5 +31,7 @@ class Unaware(ExcessNoise):
         variance_px2: Scalars,
         is_used: Mask,
         neighbours: Neighbours,
+        *,
+        is_touched: bool = True,
     ) -> float:
         return excess_px2

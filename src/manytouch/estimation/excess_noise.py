@@ -23,9 +23,12 @@ class ExcessNoise:
 
     Attributes:
         share: share of a new value where it is less than the one before. A larger one holds at once.
+        untouched_share: the same where nothing touches: what is then less was an error of the model under a
+            contact, or has ended.
     """
 
     share: float = 0.1
+    untouched_share: float = 0.5
 
     def after_fit(
         self,
@@ -34,6 +37,8 @@ class ExcessNoise:
         variance_px2: Scalars,
         is_used: Mask,
         neighbours: Neighbours,
+        *,
+        is_touched: bool = True,
     ) -> float:
         """The excess along an axis after a fit.
 
@@ -43,13 +48,15 @@ class ExcessNoise:
             variance_px2: (m,) assumed along an axis, the excess included.
             is_used: (m,) markers with a residual.
             neighbours: of each marker.
+            is_touched: whether the fit has contacts.
         """
         more_px2 = np.empty(2 * len(is_used))
         count = unexplained_variances(residual_px, variance_px2, is_used, neighbours.index, more_px2)
         if count == 0:
             return excess_px2
         now_px2 = max(excess_px2 + median(more_px2[:count]), 0.0)
-        share = 1.0 if now_px2 > excess_px2 else self.share
+        smaller = self.share if is_touched else self.untouched_share
+        share = 1.0 if now_px2 > excess_px2 else smaller
         return excess_px2 + share * (now_px2 - excess_px2)
 
 

@@ -106,6 +106,8 @@ class LocalMotion:
     Attributes:
         floor_pitch: no local motion below this begins a touch, in pitches.
         rest_pitch: no local motion below this is a touch that lasts. Untouched rubber and gel show up to it.
+        lasting_share: a touch lasts above this share of the limit above which one begins: limits contain the
+            noise, which varies from frame to frame.
         noise_stds: no local motion below this many of its standard deviations is a touch; the motion of a
             marker is reduced by so many of its own, as far as they exceed the median.
         creep_share: share of the strongest press that a sheet may keep after it.
@@ -118,6 +120,7 @@ class LocalMotion:
 
     floor_pitch: float = 0.006
     rest_pitch: float = 0.003
+    lasting_share: float = 0.9
     noise_stds: float = 3.0
     creep_share: float = 0.2
     creep_growth: float = 2.0
@@ -163,6 +166,11 @@ class LocalMotion:
         floor_pitch = self.rest_pitch if was_touched else self.floor_pitch
         least = max(floor_pitch, self.noise_stds * std_pitch)
         return least, max(least, self.kept(memory))
+
+    def is_touched(self, local_pitch: float, memory: TouchMemory, std_pitch: float, *, lasts: bool) -> bool:
+        """Whether the sheet is touched; `lasts`: whether a contact was found in the frame before."""
+        limit = self.limits(memory, std_pitch)[1]
+        return local_pitch > (self.lasting_share * limit if lasts else limit)
 
     def kept(self, memory: TouchMemory) -> float:
         """Largest local motion in pitches that a sheet may keep of earlier presses."""

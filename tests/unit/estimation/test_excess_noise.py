@@ -25,6 +25,10 @@ def test_residuals_that_differ_among_neighbours_by_more_than_expected_show_the_e
     assert excess_px2**0.5 == pytest.approx(std_px, rel=0.15)
     calm_px2 = NOISE.after_fit(excess_px2, np.zeros(PLACE.shape), assumed_px2, ALL, NEIGHBOURS)
     assert calm_px2 == pytest.approx((1.0 - NOISE.share) * excess_px2, rel=0.1)
+    untouched_px2 = NOISE.after_fit(
+        excess_px2, np.zeros(PLACE.shape), assumed_px2, ALL, NEIGHBOURS, is_touched=False
+    )
+    assert untouched_px2 == pytest.approx((1.0 - NOISE.untouched_share) * excess_px2, rel=0.1)
 
 
 def test_residuals_that_near_markers_have_in_common_or_that_few_have_show_none() -> None:

@@ -68,3 +68,12 @@ def test_a_still_sheet_moves_by_at_most_twice_its_usual_motion_between_frames() 
     assert largest_of_still([*again, *still]) == pytest.approx(0.004)  # frames that were recorded twice
     assert largest_of_still([1e-6] * 8) == pytest.approx(0.0005)
     assert largest_of_still(again) == float("inf")
+
+
+def test_a_touch_lasts_a_little_below_the_limit_above_which_one_begins() -> None:
+    motion = LocalMotion()
+    memory, limit = TouchMemory(strongest=0.1, lowest=0.1), 0.02
+    assert motion.limits(memory, 0.0)[1] == pytest.approx(limit)
+    for lasts, share in ((False, 1.0), (True, motion.lasting_share)):
+        assert motion.is_touched(1.01 * share * limit, memory, 0.0, lasts=lasts)
+        assert not motion.is_touched(0.99 * share * limit, memory, 0.0, lasts=lasts)

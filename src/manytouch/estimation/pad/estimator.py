@@ -175,7 +175,7 @@ class PadEstimator:
         found = self.pad_contacts(model, fit, shape)
         if grid.status is Status.OK:
             touch = self.local_motion.remember(touch, measured.local_pitch)
-        may_be_kept = measured.local_pitch <= self.local_motion.kept(touch)
+        may_be_kept = not measured.is_touched and measured.local_pitch <= self.local_motion.kept(touch)
         is_kept = np.array([may_be_kept and not self._is_clear(contact) for contact in found], dtype=np.bool_)
         if is_kept.any():
             others = fit.patches.without(np.flatnonzero(is_kept))
@@ -202,7 +202,7 @@ class PadEstimator:
             patches=fit.patches,
             displacement_mm=read_only(fit.marker_mm(model)),
             excess_px2=self.excess_noise.after_fit(
-                state.excess_px2, *fit.marker_residuals(), state.neighbours
+                state.excess_px2, *fit.marker_residuals(), state.neighbours, is_touched=len(fit.patches) > 0
             ),
             refused_misfit=refused_misfit,
             touch=touch,
@@ -337,7 +337,9 @@ class PadEstimator:
             noise_px2=noise_px2,
             around=state.around,
             local_pitch=local_pitch,
-            is_touched=local_pitch > self.local_motion.limits(state.touch, noise_pitch)[1],
+            is_touched=self.local_motion.is_touched(
+                local_pitch, state.touch, noise_pitch, lasts=len(state.patches) > 0
+            ),
         )
 
     def _fit(
