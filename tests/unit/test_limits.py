@@ -29,6 +29,8 @@ STATED = {
     "MAX_MESH_BYTES": "| mesh of a scene | {millions} MB |",
     "MOST_THICKNESSES": "| `[sheet]` | sides of at most {0} thicknesses",
     "MOST_SIDES": "a thickness of at most {0} times the shorter side",
+    "LEAST_HFOV_DEG": "| horizontal field of view (`--hfov-deg`) | {0} to",
+    "MOST_HFOV_DEG": "to {0} degrees",
     "HIGHEST_FPS": "| 1e-{zeros} to 1e{zeros} frames per second",
     "LARGEST_NUMBER": "numbers between -1e{zeros} and 1e{zeros}",
 }
