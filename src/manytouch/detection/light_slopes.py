@@ -2,7 +2,8 @@
 
 Light changes smoothly over an image: a quadratic through the levels of all backgrounds, or of all cores, has
 slopes that are much more certain than those of the pixels around one dot. How far real slopes depart from
-them is estimated from all dots. See docs/derivations/detection.md.
+them is estimated from all dots. The contrast of printed dots varies; where few dots show its slopes, these
+are uncertain, and shrunk. See docs/derivations/detection.md.
 """
 
 import math
@@ -14,6 +15,7 @@ from manytouch.compilation import REORDER, kernel, no_type_check, u64
 
 TERMS = 6  # of a quadratic in x and y
 FEWEST_DOTS = 2 * TERMS
+MOST_DOTS = 256  # about; of more, every few are used
 USUAL = 3.0  # deviations from the quadratic, beyond which a dot is left out
 EVEN_SLOPE, EVEN_DOTS = 0.03, 0.05
 """Assumed change of light over the radius of a dot, over its contrast, and its weight in dots."""
@@ -26,19 +28,19 @@ _PRODUCTS = (0, 1, 2, 3, 4, 5, 3, 4, 6, 7, 8, 5, 7, 8, 9, 10, 11, 12, 12, 13, 14
 
 @kernel()
 @no_type_check
-def _solve(matrix: Float64[np.ndarray, "t t1"], terms: int) -> bool:
-    """Gauss-Jordan elimination of a symmetric positive definite system; the solution is the last column."""
-    for k in range(terms):
-        pivot = matrix[k, k]
+def _solve(system: Float64[np.ndarray, "t t+1+t"]) -> bool:
+    """Gauss-Jordan elimination: the positive definite left half becomes 1, the right the solutions.
+
+    Returns whether the equations have one.
+    """
+    for k in range(TERMS):
+        pivot = system[k, k]
         if not pivot > 1e-9:
             return False
-        for column in range(k, terms + 1):
-            matrix[k, column] /= pivot
-        for row in range(terms):
-            factor = matrix[row, k]
-            if row != k and factor != 0.0:
-                for column in range(k, terms + 1):
-                    matrix[row, column] -= factor * matrix[k, column]
+        system[k] /= pivot
+        for row in range(TERMS):
+            if row != k:
+                system[row] -= system[row, k] * system[k]
     return True
 
 
@@ -104,9 +106,46 @@ def _subtract_quadratic(
 
 @kernel()
 @no_type_check
+def _fit_quadratic(points: Float64[np.ndarray, "4 n"], system: Float64[np.ndarray, "6 13"]) -> float:
+    """Fits a robust quadratic: rows u, v (of size 1), value and residual; the last is scratch.
+
+    Args:
+        points: see above.
+        system: its last columns get the coefficients and the inverse of the normal equations.
+
+    Returns:
+        Mean square of the residuals over their number; -1 if there are not enough dots.
+    """
+    sums, c = np.empty(21), np.zeros(TERMS)
+    limit, mean = np.inf, 0.0
+    points[3] = 0.0
+    for _ in range(3):
+        _sum_normal_equations(points, limit, sums)
+        number = sums[0]
+        if number < FEWEST_DOTS:
+            return -1.0
+        at = 0
+        system[:] = 0.0
+        for row in range(TERMS):
+            for column in range(row, TERMS):
+                system[row, column] = system[column, row] = sums[_PRODUCTS[at]] / number
+                at += 1
+            system[row, TERMS] = sums[15 + row] / number
+            system[row, TERMS + 1 + row] = 1.0
+        if not _solve(system):
+            return -1.0
+        c[:] = system[:, TERMS]
+        mean = _subtract_quadratic(points, c, limit) / number
+        limit = USUAL * math.sqrt(mean)
+        mean /= number - TERMS
+    return mean
+
+
+@kernel()
+@no_type_check
 def trend_slopes(
     x: Float64[np.ndarray, " n"], y: Float64[np.ndarray, " n"], value: Float64[np.ndarray, " n"],
-    scratch: Float64[np.ndarray, "4 n"], slope: Float64[np.ndarray, "2 n"],
+    scratch: Float64[np.ndarray, "4 n"], slope: Float64[np.ndarray, "3 n"],
 ) -> bool:  # fmt: skip
     """Slopes along x and y, at each position, of a robust quadratic through the values.
 
@@ -114,14 +153,15 @@ def trend_slopes(
         x, y: (n,) positions, px; NaN: no dot.
         value: (n,) grey levels there.
         scratch: (4, n) memory.
-        slope: (2, n) is overwritten, per px.
+        slope: (3, n) is overwritten: slopes per px, and their mean variance along an axis, from how far the
+            values are from the quadratic.
 
     Returns:
         Whether there are dots enough; else the slopes are 0.
     """
-    count = 0
+    count, stride = 0, max(len(x) // MOST_DOTS, 1)
     mean_x = mean_y = spread = 0.0
-    for i in range(len(x)):
+    for i in range(0, len(x), stride):
         if not np.isnan(x[i]):
             scratch[0, count], scratch[1, count], scratch[2, count] = x[i], y[i], value[i]
             mean_x += x[i]
@@ -132,40 +172,54 @@ def trend_slopes(
         return False
     mean_x, mean_y = mean_x / count, mean_y / count
     points = scratch[:, :count]
-    u, v, residual = points[0], points[1], points[3]
+    u, v = points[0], points[1]
     for i in range(count):
         u[i] -= mean_x
         v[i] -= mean_y
-        residual[i] = 0.0
         spread += u[i] * u[i] + v[i] * v[i]
     size = math.sqrt(spread / count)
     for i in range(count):
         u[i] /= size
         v[i] /= size
-    matrix, sums, c = np.empty((TERMS, TERMS + 1)), np.empty(21), np.zeros(TERMS)
-    limit = np.inf
-    for _ in range(3):
-        _sum_normal_equations(points, limit, sums)
-        number = sums[0]
-        if number < FEWEST_DOTS:
-            return False
-        at = 0
-        for row in range(TERMS):
-            for column in range(row, TERMS):
-                matrix[row, column] = matrix[column, row] = sums[_PRODUCTS[at]] / number
-                at += 1
-            matrix[row, TERMS] = sums[15 + row] / number
-        if not _solve(matrix, TERMS):
-            return False
-        c[:] = matrix[:, TERMS]
-        total = _subtract_quadratic(points, c, limit)
-        limit = USUAL * math.sqrt(total / number)
+    system = np.empty((TERMS, 2 * TERMS + 1))
+    variance = _fit_quadratic(points, system)
+    if variance < 0.0:
+        return False
+    c, inverse = system[:, TERMS], system[:, TERMS + 1 :]
     for i in range(len(x)):
         if not np.isnan(x[i]):
             a, b = (x[i] - mean_x) / size, (y[i] - mean_y) / size
             slope[0, i] = (c[1] + 2.0 * c[3] * a + c[4] * b) / size
             slope[1, i] = (c[2] + c[4] * a + 2.0 * c[5] * b) / size
+            along_x = inverse[1, 1] + 4.0 * a * a * inverse[3, 3] + b * b * inverse[4, 4]
+            along_x += 4.0 * a * inverse[1, 3] + 2.0 * b * inverse[1, 4] + 4.0 * a * b * inverse[3, 4]
+            along_y = inverse[2, 2] + a * a * inverse[4, 4] + 4.0 * b * b * inverse[5, 5]
+            along_y += 2.0 * a * inverse[2, 4] + 4.0 * b * inverse[2, 5] + 4.0 * a * b * inverse[4, 5]
+            slope[2, i] = 0.5 * variance * (along_x + along_y) / (size * size)
     return True
+
+
+@kernel()
+@no_type_check
+def shrink_trend(slope: Float64[np.ndarray, "3 n"]) -> None:
+    """Shrinks slopes of `trend_slopes` towards 0 as far as they may be by chance.
+
+    Six terms make all of them, so that by chance their squares are up to twice their variance. Their variance
+    is shrunk less, as for slopes of which nothing is by chance: they may be real.
+    """
+    number = squares = variances = 0.0
+    for i in range(slope.shape[1]):
+        number += 1.0 if slope[2, i] > 0.0 else 0.0
+        squares += 0.5 * (slope[0, i] * slope[0, i] + slope[1, i] * slope[1, i])
+        variances += slope[2, i]
+    number = max(number, 1.0)
+    usual, most = max(squares - 2.0 * variances, 0.0) / number, squares / number
+    for i in range(slope.shape[1]):
+        variance = slope[2, i]
+        if variance > 0.0:
+            slope[0, i] *= usual / (usual + variance)
+            slope[1, i] *= usual / (usual + variance)
+            slope[2, i] *= most / (most + variance)
 
 
 @kernel(fastmath=REORDER)

@@ -8,6 +8,7 @@ from manytouch.detection.light_slopes import (
     EVEN_SLOPE,
     FEWEST_DOTS,
     STEEP,
+    shrink_trend,
     squares_of_slopes,
     trend_slopes,
     usual_slope,
@@ -31,11 +32,52 @@ def test_a_quadratic_is_found_in_spite_of_other_dots_and_gaps() -> None:
     level, expected = light(x, y)
     level[::25] += 60.0  # printed lighter
     x[3] = y[3] = np.nan
-    slope = np.full((2, 200), np.nan)
+    slope = np.full((3, 200), np.nan)
     assert trend_slopes(x, y, level, np.empty((4, 200)), slope)
     known = np.arange(200) != 3
-    np.testing.assert_allclose(slope[:, known], expected[:, known], atol=1e-9)
+    np.testing.assert_allclose(slope[:2, known], expected[:, known], atol=1e-9)
     assert (slope[:, 3] == 0.0).all()
+    assert (slope[2] < 1e-12).all()
+
+
+@pytest.mark.parametrize("number", [30, 300])
+def test_the_variance_of_slopes_is_that_of_repeated_noise(number: int) -> None:
+    (x, y), rng, std, squares = places(number), np.random.default_rng(3), 12.0, []
+    level, expected = light(x, y)
+    slope, variances = np.empty((3, number)), []
+    for _ in range(300):
+        assert trend_slopes(x, y, level + std * rng.normal(size=number), np.empty((4, number)), slope)
+        squares.append(0.5 * ((slope[:2] - expected) ** 2).sum(axis=0))
+        variances.append(slope[2].copy())
+    # without dots beyond three deviations the rest looks a little too regular
+    assert np.mean(variances) == pytest.approx(np.mean(squares), rel=0.15)
+    ratio = np.mean(variances, axis=0) / np.mean(squares, axis=0)
+    assert np.all((ratio > 0.6) & (ratio < 1.4))
+
+
+def test_slopes_that_may_be_by_chance_are_shrunk_to_0_and_clear_ones_hardly() -> None:
+    square, unsure, clear = 0.125, 0.07, 1e-4
+    slope = np.outer([0.3, 0.4, unsure], np.ones(5))
+    shrink_trend(slope)
+    assert (slope[:2] == 0.0).all()
+    np.testing.assert_allclose(slope[2], unsure * square / (square + unsure))
+    slope = np.outer([0.3, 0.4, clear], np.ones(5))
+    shrink_trend(slope)
+    share = (square - 2.0 * clear) / (square - clear)
+    np.testing.assert_allclose(slope[:2], np.outer([0.3, 0.4], np.full(5, share)))
+    np.testing.assert_allclose(slope[2], clear * square / (square + clear))
+
+
+def test_of_many_dots_some_are_sufficient() -> None:
+    x, y = places(4000)
+    level, expected = light(x, y)
+    slope = np.empty((3, 4000))
+    assert trend_slopes(x, y, level, np.empty((4, 4000)), slope)
+    np.testing.assert_allclose(slope[:2], expected, atol=1e-9)
+    before = slope.copy()
+    level[1::15] += 5.0  # not among those that are used
+    assert trend_slopes(x, y, level, np.empty((4, 4000)), slope)
+    np.testing.assert_array_equal(slope, before)
 
 
 @pytest.mark.parametrize("kind", ["few", "in a line"])
@@ -44,7 +86,7 @@ def test_dots_that_show_no_quadratic_have_no_slopes(kind: str) -> None:
     x, y = places(number)
     if kind == "in a line":
         y = 2.0 * x
-    slope = np.full((2, number), np.nan)
+    slope = np.full((3, number), np.nan)
     assert not trend_slopes(x, y, light(x, y)[0], np.empty((4, number)), slope)
     assert (slope == 0.0).all()
 

@@ -12,7 +12,12 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.compilation import REORDER, inlined_kernel, kernel, no_type_check, u64
-from manytouch.detection.light_slopes import squares_of_slopes, trend_slopes, usual_slope
+from manytouch.detection.light_slopes import (
+    shrink_trend,
+    squares_of_slopes,
+    trend_slopes,
+    usual_slope,
+)
 from manytouch.detection.measurement.records import (
     AREA,
     COLUMNS,
@@ -249,13 +254,13 @@ class _Trend(NamedTuple):
     Attributes:
         is_known: whether there are dots enough for the light over the image; else it counts as even, and
             slopes are not shrunk.
-        apart: (2, n) slopes of the light on cores minus those on backgrounds, grey levels per px.
+        contrast: (3, n) slopes of the contrast over the image, grey levels per px, and their variance.
         background, core: (2, n) slopes minus those of the light.
-        of_background, of_core: (2, n) see `squares_of_slopes`.
+        of_background, of_core: (2, n) memory for `squares_of_slopes`.
     """
 
     is_known: bool
-    apart: Float64[np.ndarray, "2 n"]
+    contrast: Float64[np.ndarray, "3 n"]
     background: Float64[np.ndarray, "2 n"]
     core: Float64[np.ndarray, "2 n"]
     of_background: Float64[np.ndarray, "2 n"]
@@ -266,23 +271,22 @@ class _Trend(NamedTuple):
 @no_type_check
 def _trend(statistics: DotStatistics, x: Float64[np.ndarray, " n"], y: Float64[np.ndarray, " n"]) -> _Trend:
     """Slopes without their squares, which are still to be computed."""
-    memory = np.empty((14, len(x)))
-    level, background, core, scratch = memory[0:1], memory[1:3], memory[3:5], memory[5:9]
-    is_known = trend_slopes(x, y, statistics.background, scratch, background)
+    memory = np.empty((12, len(x)))
+    light, contrast, core, scratch = memory[0:3], memory[3:6], memory[6:8], memory[8:12]
+    is_known = trend_slopes(x, y, statistics.background, scratch, light)
+    is_known = trend_slopes(x, y, statistics.contrast, scratch, contrast) and is_known
+    if is_known:
+        shrink_trend(contrast)
+    else:
+        light[:] = 0.0
+        contrast[:] = 0.0
+    background = light[:2]
     for i in range(len(x)):
-        level[0, i] = statistics.background[i] + statistics.contrast[i]
-    is_known &= trend_slopes(x, y, level[0], scratch, core)
-    if not is_known:
-        background[:] = 0.0
-        core[:] = 0.0
-    apart = memory[9:11]
-    for i in range(len(x)):
-        apart[0, i], apart[1, i] = core[0, i] - background[0, i], core[1, i] - background[1, i]
-        core[0, i] = statistics.background_x[i] + statistics.contrast_x[i] - core[0, i]
-        core[1, i] = statistics.background_y[i] + statistics.contrast_y[i] - core[1, i]
-        background[0, i] = statistics.background_x[i] - background[0, i]
-        background[1, i] = statistics.background_y[i] - background[1, i]
-    return _Trend(is_known, apart, background, core, scratch[0:2], scratch[2:4])
+        background[0, i] = statistics.background_x[i] - light[0, i]
+        background[1, i] = statistics.background_y[i] - light[1, i]
+        core[0, i] = background[0, i] + statistics.contrast_x[i] - contrast[0, i]
+        core[1, i] = background[1, i] + statistics.contrast_y[i] - contrast[1, i]
+    return _Trend(is_known, contrast, background, core, scratch[0:2], scratch[2:4])
 
 
 @kernel()
@@ -348,7 +352,8 @@ def add_noise(
             tilt = 0.25 * (tilt + kept * of_core)
         else:
             # without a plane of its own, the dot was taken to be parallel to its background
-            lost_x, lost_y = 2.0 * lost_x - trend.apart[0, i], 2.0 * lost_y - trend.apart[1, i]
+            lost_x, lost_y = 2.0 * lost_x - trend.contrast[0, i], 2.0 * lost_y - trend.contrast[1, i]
+            tilt += 0.25 * trend.contrast[2, i]
         out[i, X] += 0.5 * scale * (xx * lost_x + xy * lost_y)
         out[i, Y] += 0.5 * scale * (xy * lost_x + yy * lost_y)
         passed = _passed_noise(statistics, i, background_variance, core_variance)

@@ -115,6 +115,29 @@ def test_covariance_agrees_where_noise_grows_with_light(
     assert 0.75 < np.concatenate(squared).mean() / 2.0 < 1.3
 
 
+@pytest.mark.parametrize(("columns", "rows", "pitch_px"), [(6, 4, 90.0), (12, 9, 40.0)])
+@pytest.mark.parametrize("radius_px", [4.0, 5.8, 8.0])
+def test_dots_of_varying_contrast_do_not_look_like_slopes_of_the_light(
+    radius_px: float, columns: int, rows: int, pitch_px: float
+) -> None:
+    errors_px, squared = [], []
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        x, y = np.meshgrid(np.arange(columns) * pitch_px, np.arange(rows) * pitch_px)
+        centre_px = np.stack([x.ravel() + 80.0, y.ravel() + 45.0], axis=1)
+        centre_px += rng.uniform(-0.5, 0.5, (x.size, 2))
+        look = Look(ground=150.0, dot=60.0, read_noise=0.5, vignetting=0.3, tilt_x=0.2)
+        contrast = np.clip(rng.normal(1.0, 0.25, len(centre_px)), 0.3, 1.6)
+        dots = measured(
+            render(centre_px, radius_px, look, seed, contrast=contrast), centre_px, radius_px, -1.0
+        )
+        error_px = dots.centre_px - centre_px
+        errors_px.append(error_px)
+        squared.append(np.einsum("ni,nij,nj->n", error_px, np.linalg.inv(dots.covariance_px2), error_px))
+    assert np.sqrt(np.square(errors_px).mean()) < 0.0105
+    assert np.mean(squared) / 2.0 < 1.6
+
+
 def test_noise_of_a_clipped_core_does_not_count() -> None:
     centre_px = dots_at(45.0)
     image = render(centre_px, 8.0, Look(ground=60.0, dot=300.0, read_noise=6.0))

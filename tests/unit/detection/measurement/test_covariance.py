@@ -80,17 +80,21 @@ def numpy_usual(square: np.ndarray, noise: np.ndarray, is_known: np.ndarray) -> 
     return even, limit
 
 
-def numpy_trend(x: np.ndarray, y: np.ndarray, level: np.ndarray) -> np.ndarray:
-    """Slopes (2, n) of a robust quadratic through levels."""
+def numpy_trend(x: np.ndarray, y: np.ndarray, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes (2, n) of a robust quadratic through levels, and their mean variance (n,) along an axis."""
     size = np.sqrt(((x - x.mean()) ** 2 + (y - y.mean()) ** 2).mean())
     u, v = (x - x.mean()) / size, (y - y.mean()) / size
-    matrix, inside = np.stack([np.ones(len(u)), u, v, u * u, u * v, v * v], axis=1), np.ones(len(u), bool)
-    c = np.zeros(6)
+    zero, one = np.zeros(len(u)), np.ones(len(u))
+    matrix, inside = np.stack([one, u, v, u * u, u * v, v * v], axis=1), np.ones(len(u), dtype=bool)
+    along = np.stack([[zero, one, zero, 2.0 * u, v, zero], [zero, zero, one, zero, u, 2.0 * v]]) / size
+    c, variance = np.zeros(6), 0.0
     for _ in range(3):
         c = np.linalg.lstsq(matrix[inside], level[inside], rcond=None)[0]
-        residual = level - matrix @ c
-        inside = np.abs(residual) <= 3.0 * np.sqrt((residual[inside] ** 2).mean())
-    return np.stack([c[1] + 2.0 * c[3] * u + c[4] * v, c[2] + c[4] * u + 2.0 * c[5] * v]) / size
+        inverse, squares = np.linalg.inv(matrix[inside].T @ matrix[inside]), (level - matrix @ c) ** 2
+        variance = squares[inside].sum() / (inside.sum() - 6)
+        inside = squares <= 9.0 * squares[inside].mean()
+    of_slopes = variance * np.einsum("apn,pq,aqn->an", along, inverse, along)
+    return np.einsum("apn,p->an", along, c), of_slopes.mean(axis=0)
 
 
 def numpy_added(of: DotStatistics, radius: np.ndarray, is_light: bool, place: np.ndarray) -> np.ndarray:
@@ -99,9 +103,12 @@ def numpy_added(of: DotStatistics, radius: np.ndarray, is_light: bool, place: np
     has_plane, unit = of.core_spread > 0.0, radius / of.contrast
     of_ground = np.stack([of.background_x, of.background_y])
     of_core = of_ground + np.stack([of.contrast_x, of.contrast_y])
-    light_ground = numpy_trend(*place.T, of.background)
-    light_core = numpy_trend(*place.T, of.background + of.contrast)
-    off_ground, off_core = of_ground - light_ground, of_core - light_core
+    light_ground, _ = numpy_trend(*place.T, of.background)
+    apart, of_apart = numpy_trend(*place.T, of.contrast)
+    most = 0.5 * (apart**2).sum(axis=0).mean()
+    usual = max(most - 2.0 * of_apart.mean(), 0.0)
+    apart, of_apart = apart * usual / (usual + of_apart), of_apart * most / (most + of_apart)
+    off_ground, off_core = of_ground - light_ground, of_core - light_ground - apart
     square_ground, square_core = (0.5 * unit**2 * (off**2).sum(axis=0) for off in (off_ground, off_core))
     fine = FINE_NOISE**2
     with np.errstate(divide="ignore"):
@@ -126,7 +133,7 @@ def numpy_added(of: DotStatistics, radius: np.ndarray, is_light: bool, place: np
     kept_ground = np.where(square_ground > steep_ground, 1.0, kept_ground)
     kept_core = np.where(steep, 1.0, even_core / (even_core + unit**2 * own))
     lost_ground, lost_core = (1.0 - kept_ground) * off_ground, (1.0 - kept_core) * off_core
-    lost = np.where(has_plane, lost_ground + lost_core, 2.0 * lost_ground - light_core + light_ground)
+    lost = np.where(has_plane, lost_ground + lost_core, 2.0 * lost_ground - apart)
     outside = np.maximum(of.window - 0.5 * (xx + yy), 0.0)
     inside_px4 = np.clip(of.area**2 / (4.0 * np.pi) - 0.25 * (xx + yy), 0.0, outside)
     threshold = of.low * of.contrast
@@ -134,7 +141,11 @@ def numpy_added(of: DotStatistics, radius: np.ndarray, is_light: bool, place: np
     passed += inside_px4 * there * tail(threshold / np.sqrt(there))
     passed[threshold**2 >= NEGLIGIBLE * np.maximum(here, there)] = 0.0
     edge, k2 = 0.5 * (here + there), of.scale**2
-    tilt = np.where(has_plane, 0.25 * (kept_ground * ground + kept_core * own), kept_ground * ground)
+    tilt = np.where(
+        has_plane,
+        0.25 * (kept_ground * ground + kept_core * own),
+        kept_ground * ground + 0.25 * of_apart,
+    )
     return np.stack(
         [
             0.5 * of.scale * (xx * lost[0] + xy * lost[1]),
@@ -151,6 +162,7 @@ def numpy_added(of: DotStatistics, radius: np.ndarray, is_light: bool, place: np
 @pytest.mark.parametrize("seed", range(3))
 def test_added_noise_is_that_of_numpy(seed: int, is_light: bool) -> None:
     statistics, radius = random_statistics(seed)
+    statistics.contrast[:] += 0.2 * seed * places(len(radius))[:, 0]
     noise = pixel_noise(statistics, is_light)
     np.testing.assert_allclose(noise, numpy_noise(statistics, is_light), rtol=1e-9)
     out, place = np.zeros((len(radius), COLUMNS)), places(len(radius))
