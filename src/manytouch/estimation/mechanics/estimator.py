@@ -29,13 +29,14 @@ from manytouch.estimation.mechanics.contact_rules import (
     significant,
 )
 from manytouch.estimation.mechanics.contacts import ContactEstimator
-from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, GaussNewton, SheetShape
+from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, GaussNewton
 from manytouch.estimation.mechanics.inversion.sheet_model import MIN_MARKERS, NominalSheet, checked_layout
 from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     PretensionEstimator,
     parameter_response,
     sheet_variants,
 )
+from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
 from manytouch.estimation.mechanics.marker_noise import MarkerNoise, marker_variances_px2, with_excess
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState
 from manytouch.estimation.mechanics.surface_covariance import DisplacementCovariance

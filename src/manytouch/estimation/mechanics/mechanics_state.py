@@ -7,13 +7,14 @@ import numpy as np
 from manytouch.estimation.contact_tracker import ContactTrackerState
 from manytouch.estimation.mechanics.clusters.force_clusters import EarlierClusters, PreviousContacts
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
-from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, SheetShape
+from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     ParameterResponse,
     PretensionEstimate,
     SheetVariant,
 )
+from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
 from manytouch.estimation.mechanics.surface_covariance import DisplacementCovarianceState
 from manytouch.estimation.mechanics.undescribed_frames import WithoutSheet
 from manytouch.estimation.slip_detector import SlipState

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator
-from manytouch.estimation.mechanics.inversion.gauss_newton import SheetShape
+from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
 from manytouch.values import Sensor, SheetSpline, Surface, TrackedGrid
 from manytouch.values.arrays import read_only
 

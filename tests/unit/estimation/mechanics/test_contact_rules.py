@@ -7,9 +7,10 @@ import pytest
 
 from manytouch.estimation.mechanics.clusters.force_clusters import ForceClusters
 from manytouch.estimation.mechanics.contact_rules import ContactRules
-from manytouch.estimation.mechanics.inversion.gauss_newton import GaussNewton, SheetShape
+from manytouch.estimation.mechanics.inversion.gauss_newton import GaussNewton
 from manytouch.estimation.mechanics.inversion.sheet_model import NominalSheet
 from manytouch.estimation.mechanics.inversion.sheet_parameters import ParameterResponse
+from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
 from pressed_sheet import contacts_of, pressed, slack_sensor
 
 

@@ -19,8 +19,9 @@ from jaxtyping import Float64, Int64
 from manytouch.estimation.mechanics.clusters.fitted_patches import PairFit, PatchFit
 from manytouch.estimation.mechanics.clusters.patch_fits import Whitened, fit_patches
 from manytouch.estimation.mechanics.clusters.patch_kernels import NodeGrid, add_patches, node_grid
-from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, SheetShape
+from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
+from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
 from manytouch.geometry.spline.patch import Nodal, SplinePatch
 from manytouch.mechanics.solver.posterior import Posterior
 from manytouch.values import Status
