@@ -37,6 +37,8 @@ NODES = ForceNodes(
     inner_mm=0.5 * np.array(COUNT) * ELEMENT_MM - 6.0,
     force_unit_mm2=12.0,
     least_force_mm2=0.05,
+    seen_mm2_per_px=0.01,
+    stiffening=0.0,
     own_spread_mm2=np.array(ELEMENT_MM) ** 2 / 3.0,
 )
 """Of a thin plate."""

@@ -29,6 +29,7 @@ class ContactRules:
             the response to the parameters of the sheet is that of the present load. Fitted on sheets of 1.5
             to 6 mm (ADR 99).
         max_friction: largest ratio of shear to normal force of a new contact.
+        shear_stds: number of its standard deviations by noise by which the shear may exceed that.
         least_stds: clusters with a smaller normal force, in standard deviations, are not examined.
         start_stds, last_stds: least normal force of a new contact and of one that continues, in standard
             deviations.
@@ -53,6 +54,7 @@ class ContactRules:
     clamp_thickness: float = 2.0
     wait_thickness: float = 1.0
     max_friction: float = 1.5
+    shear_stds: float = 2.0
     least_stds: float = 1.0
     start_stds: float = 4.0
     last_stds: float = 2.5
@@ -62,13 +64,14 @@ class ContactRules:
     noise_share: float = 0.3
 
     def may_start(
-        self, model: InversionModel, clusters: Clusters, is_new: Mask, *, is_response_due: bool
+        self, model: InversionModel, clusters: Clusters, fit: Fit, is_new: Mask, *, is_response_due: bool
     ) -> Mask:
         """(c,) whether each cluster is strong enough to start a contact.
 
         Args:
             model: of the sheet.
             clusters: of this frame.
+            fit: of this frame.
             is_new: (c,) whether there was no cluster here in the previous frame.
             is_response_due: whether the response to the parameters of the sheet is that of an earlier load.
         """
@@ -79,7 +82,12 @@ class ContactRules:
         shear_mm2 = np.linalg.norm(clusters.force_mm2[:, :2], axis=1)
         is_strong = clusters.normal_mm2 >= np.where(is_near_clamp, self.clamp_factor * needed_mm2, needed_mm2)
         is_strong &= ~(is_response_due & (inside_mm < self.wait_thickness * model.thickness_mm))
-        return np.asarray(is_strong & (shear_mm2 <= self.max_friction * clusters.normal_mm2))
+        excess_mm2 = shear_mm2 - self.max_friction * clusters.normal_mm2
+        for number in np.flatnonzero(is_strong & (excess_mm2 > 0.0)):
+            share = (clusters.label == number)[None].astype(np.float64)
+            std_mm2 = np.hypot(*(fit.posterior.force_std(share, axis)[0] for axis in range(2)))
+            excess_mm2[number] -= self.shear_stds * std_mm2
+        return np.asarray(is_strong & (excess_mm2 <= 0.0))
 
     def certain(
         self,

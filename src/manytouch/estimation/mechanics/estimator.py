@@ -125,7 +125,8 @@ class MechanicsEstimator:
         pitch_px = model.pitch_mm / mm_per_px(sensor.camera)
         model_std_px = self.marker_noise.constant_std_px(pitch_px, model.pitch_thickness, sensor)
         shape = SheetShape.at_rest(model)
-        weight_per_mm4 = self.gauss_newton.weights(model, shape.force_mm2)
+        usual_std_px = self.marker_noise.usual_std_px(model_std_px)
+        weight_per_mm4 = self.gauss_newton.weights(model, shape, usual_std_px=usual_std_px)
         centre_noise_px = sensor.centre_noise_px or self.marker_noise.default_centre_noise_px
         std_px = float(np.hypot(model_std_px, centre_noise_px))
         return MechanicsState(
@@ -198,7 +199,7 @@ class MechanicsEstimator:
             shape = shape.moved(friction.change_mm, friction.force_change_mm2)
             clusters = replace(clusters, centre_mm=clusters.centre_mm + friction.centre_change_mm)
         surface = self._surface(state, grid, shape, clusters, status)
-        may_start = self._may_start(state, clusters) & (stds >= self.contact_rules.start_stds)
+        may_start = self._may_start(state, clusters, fit) & (stds >= self.contact_rules.start_stds)
         after, contacts = self._track(
             state.with_fit(fit),
             clusters,
@@ -264,6 +265,7 @@ class MechanicsEstimator:
             measured_px,
             self.information(state, grid, measured_px),
             self.marker_noise.noise_ratio(grid, state.model_std_px),
+            usual_std_px=self.marker_noise.usual_std_px(state.model_std_px),
             posterior=state.posterior,
             posterior_frames=state.posterior_frames,
             posterior_worst_chi2=state.posterior_worst_chi2,
@@ -284,21 +286,21 @@ class MechanicsEstimator:
         """Force clusters that noise does not explain."""
         model = state.model
         force_mm2 = np.where(model.is_excluded[:, None] | ~model.patch.is_free, 0.0, fit.shape.force_mm2)
-        rules, negligible = self.contact_rules, self.gauss_newton.negligible_force
-        hidden_mm2 = rules.noise_share * (noise - 1.0) * negligible * model.nodes.force_unit_mm2
-        force_mm2 = np.where(force_mm2[:, 2:] > -hidden_mm2, 0.0, force_mm2)
-        clusters = self.force_clusters(model.nodes, force_mm2)
+        rules, nodes = self.contact_rules, replace(model.nodes, force_unit_mm2=fit.force_unit_mm2)
+        hidden = rules.noise_share * (noise - 1.0) * self.gauss_newton.negligible_force
+        force_mm2 = np.where(force_mm2[:, 2:] > -hidden * nodes.force_unit_mm2, 0.0, force_mm2)
+        clusters = self.force_clusters(nodes, force_mm2)
         clusters, _ = significant(clusters, fit, rules.least_stds)
         clusters = self.model_order(
-            model.nodes, force_mm2, clusters, state.touching_mm, evidence_at=forces.evidence, noise=noise
+            nodes, force_mm2, clusters, state.touching_mm, evidence_at=forces.evidence, noise=noise
         )
         return significant(clusters, fit, rules.last_stds)[0]
 
-    def _may_start(self, state: MechanicsState, clusters: Clusters) -> Mask:
-        model = state.model
+    def _may_start(self, state: MechanicsState, clusters: Clusters, fit: Fit) -> Mask:
+        model, rules = state.model, self.contact_rules
         gate_mm = self.contact_tracker.gate_pitch * model.pitch_mm
         is_new = is_far_from(clusters, state.previous.centre_mm, gate_mm)
-        return self.contact_rules.may_start(model, clusters, is_new, is_response_due=state.response_is_due)
+        return rules.may_start(model, clusters, fit, is_new, is_response_due=state.response_is_due)
 
     def _track(
         self,

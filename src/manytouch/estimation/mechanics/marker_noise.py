@@ -59,9 +59,13 @@ class MarkerNoise:
         noise_px2 = _variance_px2(grid)[grid.is_seen]
         return float(np.sqrt(np.median(noise_px2) + model_std_px**2))
 
+    def usual_std_px(self, model_std_px: float) -> float:
+        """Largest whole standard deviation of the marker images of a frame that does not count as noisy."""
+        return self.usual_ratio * model_std_px
+
     def noise_ratio(self, grid: TrackedGrid, model_std_px: float) -> float:
-        """`frame_std_px` over `usual_ratio` times `model_std_px`; at least 1."""
-        return max(1.0, self.frame_std_px(grid, model_std_px) / (self.usual_ratio * model_std_px))
+        """`frame_std_px` over `usual_std_px`; at least 1."""
+        return max(1.0, self.frame_std_px(grid, model_std_px) / self.usual_std_px(model_std_px))
 
     def rough_px2(self, grid: TrackedGrid, model_std_px: float) -> Scalars:
         """(m,) variance along an axis by which a marker image differs from those of its neighbours.

@@ -62,7 +62,8 @@ class PosteriorSamples:
         measured_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
         information = estimate.information(state, grid, measured_px)
         noise = estimate.marker_noise.noise_ratio(grid, state.model_std_px)
-        weight = estimate.gauss_newton.weights(model, shape.force_mm2, noise)
+        usual_std_px = estimate.marker_noise.usual_std_px(state.model_std_px)
+        weight = estimate.gauss_newton.weights(model, shape, noise, usual_std_px)
         press_mm2 = -shape.force_mm2[:, 2]
         weight[press_mm2 > _PRESSED_SHARE * press_mm2.max(initial=0.0), 2] = 0.0
         linearisation = model.normal_equations.linearise(spline.coefficient_mm)

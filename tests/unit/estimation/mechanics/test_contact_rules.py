@@ -23,26 +23,47 @@ def test_a_contact_beside_the_clamp_waits_for_the_response(thicknesses: float, s
     force_mm2 = np.zeros((len(place_mm), 3))
     force_mm2[node, 2] = -100.0 * model.nodes.least_force_mm2
     clusters = ForceClusters()(model.nodes, force_mm2)
-    is_new = np.ones(len(clusters), dtype=np.bool_)
-    assert rules.may_start(model, clusters, is_new, is_response_due=False).tolist() == [True]
-    assert rules.may_start(model, clusters, is_new, is_response_due=True).tolist() == [starts]
+    is_new, fit = np.ones(len(clusters), dtype=np.bool_), fit_at_rest(model)
+    assert rules.may_start(model, clusters, fit, is_new, is_response_due=False).tolist() == [True]
+    assert rules.may_start(model, clusters, fit, is_new, is_response_due=True).tolist() == [starts]
+
+
+@pytest.mark.parametrize(("stds", "starts"), [(1.5, True), (2.5, False)])
+def test_the_shear_of_a_new_contact_counts_as_far_as_noise_does_not_explain_it(
+    stds: float, starts: bool
+) -> None:
+    model, rules = NominalSheet()(slack_sensor()), ContactRules()
+    fit, clusters, _ = two_forces(model)
+    clusters = clusters.select(np.array([0]))
+    share = (clusters.label == 0)[None].astype(np.float64)
+    std_mm2 = np.hypot(*(fit.posterior.force_std(share, axis)[0] for axis in range(2)))
+    assert std_mm2 > 0.0
+    force_mm2 = clusters.force_mm2.copy()
+    force_mm2[0, 1] = -rules.max_friction * clusters.normal_mm2[0] - stds * std_mm2
+    clusters = replace(clusters, force_mm2=force_mm2)
+    is_new = np.ones(1, dtype=np.bool_)
+    assert rules.may_start(model, clusters, fit, is_new, is_response_due=False).tolist() == [starts]
 
 
 NOTHING_BEFORE = np.zeros((0, 2))
+
+
+def fit_at_rest(model):
+    shape, markers = SheetShape.at_rest(model), len(model.layout.rest_mm)
+    information = np.tile(100.0 * np.eye(2), (markers, 1, 1))
+    return GaussNewton()(model, shape, np.zeros((markers, 2)), information)
 
 
 def two_forces(model):
     """A strong force and a weak one on the sheet: the fit, their clusters and their nodes."""
     place_mm = model.nodes.place_mm
     nodes = [int(np.linalg.norm(place_mm - at, axis=1).argmin()) for at in ((-12.0, 0.0), (12.0, 0.0))]
-    shape, markers = SheetShape.at_rest(model), len(model.layout.rest_mm)
-    information = np.tile(100.0 * np.eye(2), (markers, 1, 1))
-    fit = GaussNewton()(model, shape, np.zeros((markers, 2)), information)
+    fit = fit_at_rest(model)
     force_mm2 = np.zeros((len(place_mm), 3))
     force_mm2[nodes, 2] = -1.0, -0.1
     clusters = ForceClusters()(model.nodes, force_mm2)
     clusters = replace(clusters, covariance=np.tile(1e-8 * np.eye(6), (2, 1, 1)))
-    return replace(fit, shape=replace(shape, force_mm2=force_mm2)), clusters, nodes
+    return replace(fit, shape=replace(fit.shape, force_mm2=force_mm2)), clusters, nodes
 
 
 def response_of(fit, changed, share):

@@ -17,6 +17,9 @@ class ForceNodes:
         inner_mm: (2,) half the size of the part in which contacts are found.
         force_unit_mm2: pitch times thickness; thresholds of nodal forces over E are given in this unit.
         least_force_mm2: least normal force of a cluster over E.
+        seen_mm2_per_px: normal force over E, on a square of one pitch in the middle of the sheet at rest, by
+            which the marker images move by 1 px: the root of the sum of squares over all of them.
+        stiffening: relative growth of `seen_mm2_per_px` over the mean square of the slopes of the sheet.
         own_spread_mm2: (2,) second moment along x and y of the nodal forces of a point force.
     """
 
@@ -26,7 +29,19 @@ class ForceNodes:
     inner_mm: Float64[np.ndarray, "2"]
     force_unit_mm2: float
     least_force_mm2: float
+    seen_mm2_per_px: float
+    stiffening: float
     own_spread_mm2: Float64[np.ndarray, "2"]
+
+    def force_noise_mm2(self, slope: Float64[np.ndarray, "nodes 2"], std_px: float) -> float:
+        """Standard deviation of a normal force over E in the middle, if it is the only one that is not known.
+
+        Args:
+            slope: (nodes, 2) of the deflection along x and y.
+            std_px: standard deviation of the marker images along an axis.
+        """
+        growth = 1.0 + self.stiffening * float(np.square(slope).sum(axis=1).mean())
+        return self.seen_mm2_per_px * std_px * growth
 
 
 def smooth(value: Float64[np.ndarray, "slow fast"]) -> Float64[np.ndarray, "slow fast"]:

@@ -52,6 +52,7 @@ class Fit:
         balance_mm2: (n, 3) tangential and normal nodal forces over E.
         chi2: mean square of the residuals over their deviation, of the markers with weight.
         worst_chi2: the same of the marker where it is largest.
+        force_unit_mm2: unit of the thresholds of nodal forces over E; see `GaussNewton.force_unit_mm2`.
         steps: number of full steps; 0 if steps with the derivatives of an earlier frame were sufficient.
         status: `OK` or `NOT_CONVERGED`.
     """
@@ -62,6 +63,7 @@ class Fit:
     balance_mm2: Nodal
     chi2: float
     worst_chi2: float
+    force_unit_mm2: float
     steps: int
     status: Status
 
@@ -74,6 +76,9 @@ class GaussNewton:
         tangential_std: su, standard deviation of tangential forces without a normal force.
         friction: mu_f, share of a normal force that may be tangential.
         negligible_force: eps, below which the normal force of a node is treated as zero.
+        negligible_stds: largest eps, in standard deviations by noise of a single force in the middle of the
+            sheet. A large, thin and slack sheet shows much smaller forces than others of its pitch and
+            thickness (ADR 155).
         neighbour_share: a node's squared force counts as at least this share of the mean over its neighbours.
         prior_weight: weight of the normal forces against the markers.
         convergence_share: the iteration ends when the normal forces change by at most this share in a step;
@@ -91,6 +96,9 @@ class GaussNewton:
             marker a chi2 of more than this times the largest after the last full step, or times `poor_chi2`
             if that is more: the weights of the forces keep an object that slides where it was. Compared were
             1.5, 2, 3 and 4.
+        max_stiffening: nor is it sufficient if the mean tension of the sheet has made it stiffer or softer by
+            more than this factor since: next to a sudden press on a slack sheet, old derivatives show forces
+            where there are none (ADR 155).
         failed_chi2: above it the fit has failed, and the shape of the previous frame is kept.
         min_gain: see `poor_chi2`.
         max_steps: full steps of a frame whose chi2 is not poor.
@@ -108,6 +116,7 @@ class GaussNewton:
     tangential_std: float = 2.0e-4
     friction: float = 0.05
     negligible_force: float = 1.7e-4
+    negligible_stds: float = 12.0
     neighbour_share: float = 0.5
     prior_weight: float = 3.0
     convergence_share: float = 0.1
@@ -115,6 +124,7 @@ class GaussNewton:
     max_information_change: float = 0.1
     poor_chi2: float = 4.0
     max_worst_growth: float = 1.5
+    max_stiffening: float = 1.1
     failed_chi2: float = 400.0
     min_gain: float = 0.3
     max_steps: int = 2
@@ -134,6 +144,7 @@ class GaussNewton:
         information: Covariances2,
         noise: float = 1.0,
         *,
+        usual_std_px: float = np.inf,
         posterior: Posterior | None = None,
         posterior_frames: int = 0,
         posterior_worst_chi2: float = 0.0,
@@ -148,36 +159,35 @@ class GaussNewton:
             noise: ratio of the marker noise to the usual one, at least 1. It reduces the weight of the prior
                 and increases `negligible_force`: a force that the noise hides is not evidence for its
                 absence.
+            usual_std_px: that noise.
             posterior: of an earlier frame; the first step is taken with it.
             posterior_frames: number of frames since then.
             posterior_worst_chi2: that of the last full step.
         """
-        here = _Iterate.at(model, start, measured_px, information)
+        here = _Iterate.at(model, start, measured_px, information, usual_std_px)
         if posterior is not None:
             there = self._try_chord_step(model, posterior, here)
             if there is not None:
                 here = there
-                share = self.convergence_share if posterior_frames < self.max_posterior_frames else 0.0
-                most_chi2 = self.max_worst_growth * max(posterior_worst_chi2, self.poor_chi2)
-                if (
-                    here.chi2 <= self.poor_chi2
-                    and self._is_converged(model, posterior.weighed_mm2, here.shape.force_mm2, share)
-                    and here.worst_chi2 <= most_chi2
-                ):
-                    return _fit(here, posterior, steps=0)
-                if here.chi2 <= self.poor_chi2 and posterior.reweightings < self.max_reweightings:
-                    reweighted = self._reweighted_step(model, posterior, here, noise)
-                    if reweighted is not None:
-                        here, posterior = reweighted
-                        if here.worst_chi2 <= most_chi2:
-                            return _fit(here, posterior, steps=0)
+                if here.chi2 <= self.poor_chi2 and self._is_as_stiff(model, posterior, here):
+                    share = self.convergence_share if posterior_frames < self.max_posterior_frames else 0.0
+                    most_chi2 = self.max_worst_growth * max(posterior_worst_chi2, self.poor_chi2)
+                    is_converged = self._is_converged(model, posterior.weighed_mm2, here, share)
+                    if is_converged and here.worst_chi2 <= most_chi2:
+                        return self._fit(model, here, posterior, steps=0)
+                    if posterior.reweightings < self.max_reweightings:
+                        reweighted = self._reweighted_step(model, posterior, here, noise)
+                        if reweighted is not None:
+                            here, posterior = reweighted
+                            if here.worst_chi2 <= most_chi2:
+                                return self._fit(model, here, posterior, steps=0)
         return self._iterate(model, start, here, noise)
 
     def _iterate(self, model: InversionModel, start: SheetShape, here: "_Iterate", noise: float) -> Fit:
         """Full steps until the forces converge; a reweighted step replaces the second one where it can."""
         steps, status = 0, Status.OK
         while True:
-            weight = self.weights(model, here.shape.force_mm2, noise)
+            weight = self.weights(model, here.shape, noise, here.usual_std_px)
             linearisation = model.normal_equations.linearise(here.shape.coefficient_mm)
             posterior = model.normal_equations.solve(
                 linearisation, here.residual_px, here.information, weight
@@ -192,9 +202,7 @@ class GaussNewton:
                 if steps >= self.max_steps_if_poor:
                     break
                 continue
-            if steps >= self.max_steps or self._is_converged(
-                model, before_mm2, here.shape.force_mm2, self.convergence_share
-            ):
+            if steps >= self.max_steps or self._is_converged(model, before_mm2, here, self.convergence_share):
                 break
             reweighted = self._reweighted_step(model, posterior, here, noise)
             if reweighted is not None:
@@ -205,7 +213,7 @@ class GaussNewton:
             status = Status.OK
         elif here.chi2 > self.failed_chi2:
             shape, status = start, Status.NOT_CONVERGED
-        return replace(_fit(here, posterior, steps=steps, status=status), shape=shape)
+        return replace(self._fit(model, here, posterior, steps=steps, status=status), shape=shape)
 
     def _reweighted_step(
         self, model: InversionModel, posterior: Posterior, here: "_Iterate", noise: float
@@ -213,7 +221,7 @@ class GaussNewton:
         """A step with new weights and the derivatives of an earlier full step; None if that is not enough."""
         weighed_mm2 = here.shape.force_mm2
         new = posterior.reweighted(
-            self.weights(model, weighed_mm2, noise),
+            self.weights(model, here.shape, noise, here.usual_std_px),
             weighed_mm2,
             residual_px=here.residual_px,
             information_per_px2=here.information,
@@ -252,23 +260,62 @@ class GaussNewton:
         there = here.move(model, change_mm)
         return there if there.cost(posterior.weight) <= here.cost(posterior.weight) * COST_TOLERANCE else None
 
-    def weights(self, model: InversionModel, force_mm2: Nodal, noise: float = 1.0) -> Nodal:
+    def _fit(
+        self,
+        model: InversionModel,
+        here: "_Iterate",
+        posterior: Posterior,
+        *,
+        steps: int,
+        status: Status = Status.OK,
+    ) -> Fit:
+        return Fit(
+            shape=here.shape,
+            posterior=posterior,
+            residual_px=here.residual_px,
+            balance_mm2=here.balance_mm2,
+            chi2=here.chi2,
+            worst_chi2=here.worst_chi2,
+            force_unit_mm2=self.force_unit_mm2(model, here.shape.coefficient_mm, here.usual_std_px),
+            steps=steps,
+            status=status,
+        )
+
+    def force_unit_mm2(self, model: InversionModel, coefficient_mm: Nodal, usual_std_px: float) -> float:
+        """Unit of the thresholds of nodal forces over E for a shape of the sheet.
+
+        It is pitch times thickness, or less where `negligible_stds` makes `negligible_force` less.
+        """
+        noise_mm2 = model.nodes.force_noise_mm2(model.patch.slopes(coefficient_mm[:, 2]), usual_std_px)
+        return min(model.nodes.force_unit_mm2, self.negligible_stds / self.negligible_force * noise_mm2)
+
+    def weights(
+        self, model: InversionModel, shape: SheetShape, noise: float = 1.0, usual_std_px: float = np.inf
+    ) -> Nodal:
         """(n, 3) weights of the tangential and normal forces, per mm^4."""
-        unit = model.nodes.force_unit_mm2
-        press = np.maximum(-force_mm2[:, 2], 0.0)
+        press = np.maximum(-shape.force_mm2[:, 2], 0.0)
         around2 = smooth((press**2).reshape(model.nodes.shape)).ravel()
-        weight = np.empty_like(force_mm2)
-        tangential = (self.tangential_std * unit) ** 2 + (self.friction * press) ** 2
-        weight[:, :2] = (1.0 / tangential)[:, None]
+        weight = np.empty_like(shape.force_mm2)
+        tangential_mm2 = self.tangential_std * model.nodes.force_unit_mm2
+        weight[:, :2] = (1.0 / (tangential_mm2**2 + (self.friction * press) ** 2))[:, None]
+        negligible_mm2 = self.negligible_force * self.force_unit_mm2(
+            model, shape.coefficient_mm, usual_std_px
+        )
         weight[:, 2] = self.prior_weight / (
-            noise * np.maximum(press**2, self.neighbour_share * around2)
-            + (noise * self.negligible_force * unit) ** 2
+            noise * np.maximum(press**2, self.neighbour_share * around2) + (noise * negligible_mm2) ** 2
         )
         return weight
 
-    def _is_converged(self, model: InversionModel, before_mm2: Nodal, now_mm2: Nodal, share: float) -> bool:
-        negligible_mm2 = self.negligible_force * model.nodes.force_unit_mm2
-        change_mm2 = np.abs(now_mm2 - before_mm2)[:, 2] - negligible_mm2
+    def _is_as_stiff(self, model: InversionModel, posterior: Posterior, now: "_Iterate") -> bool:
+        """Whether the derivatives of an earlier frame are those of about this tension of the sheet."""
+        slopes = posterior.linearisation.slope, model.patch.slopes(now.shape.coefficient_mm[:, 2])
+        before, after = (model.nodes.force_noise_mm2(slope, 1.0) for slope in slopes)
+        return max(before / after, after / before) <= self.max_stiffening
+
+    def _is_converged(self, model: InversionModel, before_mm2: Nodal, now: "_Iterate", share: float) -> bool:
+        unit_mm2 = self.force_unit_mm2(model, now.shape.coefficient_mm, now.usual_std_px)
+        now_mm2 = now.shape.force_mm2
+        change_mm2 = np.abs(now_mm2 - before_mm2)[:, 2] - self.negligible_force * unit_mm2
         total_mm2 = float(np.abs(now_mm2[:, 2]).sum())
         return float(np.maximum(change_mm2, 0.0).sum()) <= share * total_mm2
 
@@ -278,7 +325,7 @@ class _Iterate:
     """A shape with the residuals of the markers, their misfit, and the tangential and normal forces.
 
     Attributes:
-        shape, measured_px, information: see `GaussNewton.__call__`.
+        shape, measured_px, information, usual_std_px: see `GaussNewton.__call__`.
         residual_px: (m, 2) predicted minus measured displacements of the marker images.
         misfit: sum of the weighted squared residuals.
         worst_chi2: as in `Fit`.
@@ -292,10 +339,15 @@ class _Iterate:
     misfit: float
     worst_chi2: float
     balance_mm2: Nodal
+    usual_std_px: float
 
     @staticmethod
     def at(
-        model: InversionModel, shape: SheetShape, measured_px: Points2, information: Covariances2
+        model: InversionModel,
+        shape: SheetShape,
+        measured_px: Points2,
+        information: Covariances2,
+        usual_std_px: float,
     ) -> "_Iterate":
         residual_px = np.asarray(shape.displacement_px - measured_px)
         pull = np.einsum("mij,mj->mi", information, residual_px)
@@ -308,11 +360,12 @@ class _Iterate:
             misfit=float(misfit.sum()),
             worst_chi2=0.5 * float(misfit.max(initial=0.0)),
             balance_mm2=balance(model, shape.coefficient_mm, shape.force_mm2),
+            usual_std_px=usual_std_px,
         )
 
     def move(self, model: InversionModel, change_mm: Nodal) -> "_Iterate":
         there = SheetShape.at(model, self.shape.coefficient_mm + change_mm)
-        return _Iterate.at(model, there, self.measured_px, self.information)
+        return _Iterate.at(model, there, self.measured_px, self.information, self.usual_std_px)
 
     @property
     def chi2(self) -> float:
@@ -320,19 +373,6 @@ class _Iterate:
 
     def cost(self, weight: Nodal) -> float:
         return self.misfit + float((weight * self.balance_mm2**2).sum())
-
-
-def _fit(here: _Iterate, posterior: Posterior, *, steps: int, status: Status = Status.OK) -> Fit:
-    return Fit(
-        shape=here.shape,
-        posterior=posterior,
-        residual_px=here.residual_px,
-        balance_mm2=here.balance_mm2,
-        chi2=here.chi2,
-        worst_chi2=here.worst_chi2,
-        steps=steps,
-        status=status,
-    )
 
 
 def balance(model: InversionModel, coefficient_mm: Nodal, force_mm2: Nodal) -> Nodal:

@@ -22,6 +22,10 @@ PRETENSION_STEP_MM = 1e-3
 """Of a finite difference; it stretches a sheet by less than 0.1 %, which hardly changes its moduli."""
 """A layout with fewer markers is refused; a frame that shows fewer has the status `few_markers`."""
 
+_CLAMPED_BENDING, _CLAMPED_TENSION = 500.56, 12.303
+"""Integrals of squared second and first derivatives of the first function of a clamped beam of length 1, over
+that of its square."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class InversionModel:
@@ -69,8 +73,13 @@ class InversionModel:
         """The model with another membrane force per length at rest, over E."""
         shell = replace(self.shell, pretension_over_E_mm=over_E_mm)
         dots = self.dots.changed(shell=shell)
-        ratio = _compliance_per_mm(self.shell, self.pitch_mm) / _compliance_per_mm(shell, self.pitch_mm)
-        nodes = replace(self.nodes, least_force_mm2=ratio * self.nodes.least_force_mm2)
+        before, press = _press(self.dots, self.pitch_mm), _press(dots, self.pitch_mm)
+        nodes = replace(
+            self.nodes,
+            least_force_mm2=self.nodes.least_force_mm2 * before.depth_per_mm / press.depth_per_mm,
+            seen_mm2_per_px=press.seen_mm2_per_px,
+            stiffening=_stiffening(shell),
+        )
         equations = NormalEquations(shell=shell, dots=dots)
         return replace(
             self,
@@ -159,6 +168,7 @@ class NominalSheet:
             radius_mm=layout.radius_mm,
             height_mm=layout.height_mm,
         )
+        press = _press(dots, pitch_mm)
         inner_mm = 0.5 * sheet.size_mm - self.clamp_thickness * thickness_mm
         element_mm = np.array(patch.size_mm) / np.array(patch.elements)
         return InversionModel(
@@ -176,7 +186,9 @@ class NominalSheet:
                 own_spread_mm2=element_mm**2 / 3.0 - 2.0 * shell.shear_mm2,
                 inner_mm=read_only(inner_mm),
                 force_unit_mm2=pitch_mm * thickness_mm,
-                least_force_mm2=self.least_depth_pitch * pitch_mm / _compliance_per_mm(shell, pitch_mm),
+                least_force_mm2=self.least_depth_pitch * pitch_mm / press.depth_per_mm,
+                seen_mm2_per_px=press.seen_mm2_per_px,
+                stiffening=_stiffening(shell),
             ),
             pitch_mm=pitch_mm,
             thickness_mm=thickness_mm,
@@ -224,15 +236,48 @@ def _stretched(dots: MarkerImages) -> MarkerImages:
     return dots.changed(shell=replace(shell, pretension_over_E_mm=over_E_mm))
 
 
-def _compliance_per_mm(shell: Shell, width_mm: float) -> float:
-    """Depth over normal force over E, in the middle of a sheet at rest, under a square patch."""
-    patch = shell.patch
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Press:
+    """What a normal force over E in the middle of a sheet at rest causes.
+
+    Attributes:
+        depth_per_mm: mean depth under it over the force over E.
+        seen_mm2_per_px: force over E over the root of the summed squares of the motions of the marker images.
+    """
+
+    depth_per_mm: float
+    seen_mm2_per_px: float
+
+
+def _press(dots: MarkerImages, width_mm: float) -> _Press:
+    """A press on a square patch of this width."""
+    shell, patch = dots.shell, dots.shell.patch
     offset_mm = 0.25 * width_mm * np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
     load = patch.load(np.array(patch.centre_mm) + offset_mm, np.tile([0.0, 0.0, 0.25], (4, 1)))
-    tangent, force = shell.empty_tangent(), np.empty_like(load)
-    shell.forces_and_tangent(np.zeros_like(load), force, tangent)
-    moved = tangent_factor(shell, tangent).solve((load * patch.is_free).reshape(1, -1))[0]
-    return float(np.einsum("nc,nc->", load, moved.reshape(-1, 3)))
+    at_rest, tangent, force = np.zeros_like(load), shell.empty_tangent(), np.empty_like(load)
+    shell.forces_and_tangent(at_rest, force, tangent)
+    moved = tangent_factor(shell, tangent).solve((load * patch.is_free).reshape(1, -1))[0].reshape(-1, 3)
+    moved_px = np.einsum("mank,mnk->ma", dots.derivative_px(at_rest), moved[dots.tips.basis.node])
+    return _Press(
+        depth_per_mm=float(np.einsum("nc,nc->", load, moved)),
+        seen_mm2_per_px=1.0 / float(np.linalg.norm(moved_px)),
+    )
+
+
+def _stiffening(shell: Shell) -> float:
+    """Growth of the stiffness of a clamped sheet in its first mode over the mean square of its slopes.
+
+    The mean membrane force of a sheet with immovable edges is E t / (4 (1 - nu)) times the mean square slope
+    (that of H. M. Berger 1955, doi:10.1115/1.4011138, but for the mean over both axes). The stiffnesses by
+    bending and by tension are those of products of clamped beam functions (G. B. Warburton 1954,
+    doi:10.1243/PIME_PROC_1954_168_040_02).
+    """
+    x_mm, y_mm = shell.patch.size_mm
+    bending = _CLAMPED_BENDING * (x_mm**-4 + y_mm**-4) + 2.0 * (_CLAMPED_TENSION / (x_mm * y_mm)) ** 2
+    tension = _CLAMPED_TENSION * (x_mm**-2 + y_mm**-2)
+    rigidity_mm3 = shell.bending_factor * shell.thickness_mm**3 / (12.0 * (1.0 - shell.poisson**2))
+    stretched_mm = shell.thickness_mm / (4.0 * (1.0 - shell.poisson))
+    return stretched_mm * tension / (rigidity_mm3 * bending + shell.pretension_over_E_mm * tension)
 
 
 def _young_relative_std(sheet: Sheet) -> float:
