@@ -104,6 +104,8 @@ class GaussNewton:
         max_steps: full steps of a frame whose chi2 is not poor.
         max_steps_if_poor: full steps otherwise.
         max_reweightings: reweighted steps with the derivatives of one full step, before the next one.
+        min_growth: where the normal forces have become more than this factor of those of the weights, all of
+            these steps are taken at once: the forces of new contacts are spread at first (ADR 156).
         min_weight_ratio: a reweighted step keeps the weights that changed by less than this factor since the
             full step.
         max_reweighted: largest number of weights that a reweighted step changes: those that changed most.
@@ -130,6 +132,7 @@ class GaussNewton:
     max_steps: int = 2
     max_steps_if_poor: int = 6
     max_reweightings: int = 3
+    min_growth: float = 1.5
     min_weight_ratio: float = 1.5
     max_reweighted: int = 64
     max_kept_weight_ratio: float = 2.5
@@ -175,12 +178,16 @@ class GaussNewton:
                     is_converged = self._is_converged(model, posterior.weighed_mm2, here, share)
                     if is_converged and here.worst_chi2 <= most_chi2:
                         return self._fit(model, here, posterior, steps=0)
-                    if posterior.reweightings < self.max_reweightings:
+                    is_grown = self._is_grown(posterior.weighed_mm2, here.shape.force_mm2)
+                    while posterior.reweightings < self.max_reweightings:
                         reweighted = self._reweighted_step(model, posterior, here, noise)
-                        if reweighted is not None:
-                            here, posterior = reweighted
-                            if here.worst_chi2 <= most_chi2:
-                                return self._fit(model, here, posterior, steps=0)
+                        if reweighted is None:
+                            break
+                        here, posterior = reweighted
+                        if here.worst_chi2 > most_chi2:
+                            break
+                        if not is_grown or posterior.reweightings == self.max_reweightings:
+                            return self._fit(model, here, posterior, steps=0)
         return self._iterate(model, start, here, noise)
 
     def _iterate(self, model: InversionModel, start: SheetShape, here: "_Iterate", noise: float) -> Fit:
@@ -311,6 +318,10 @@ class GaussNewton:
         slopes = posterior.linearisation.slope, model.patch.slopes(now.shape.coefficient_mm[:, 2])
         before, after = (model.nodes.force_noise_mm2(slope, 1.0) for slope in slopes)
         return max(before / after, after / before) <= self.max_stiffening
+
+    def _is_grown(self, before_mm2: Nodal, now_mm2: Nodal) -> bool:
+        before, now = (float(np.abs(force_mm2[:, 2]).sum()) for force_mm2 in (before_mm2, now_mm2))
+        return now > self.min_growth * before
 
     def _is_converged(self, model: InversionModel, before_mm2: Nodal, now: "_Iterate", share: float) -> bool:
         unit_mm2 = self.force_unit_mm2(model, now.shape.coefficient_mm, now.usual_std_px)

@@ -97,9 +97,12 @@ def test_the_unit_of_forces_is_less_only_where_the_markers_show_less() -> None:
     )
 
 
-def touching(*presses: tuple[float, float, float], frames: int = 3) -> list[Contact]:
+def touching(
+    *presses: tuple[float, float, float], frames: int = 3, sensor: Sensor | None = None
+) -> list[Contact]:
     """Contacts after this number of frames with presses: x, y, and force over E."""
-    estimator, state = MechanicsEstimator(), MechanicsEstimator().start(large_skin())
+    estimator = MechanicsEstimator()
+    state = estimator.start(sensor or large_skin())
     shape = bent(state.model, *presses)
     shapes = [np.zeros_like(shape)] * 2 + [shape] * frames
     for seed, each in enumerate(shapes):
@@ -130,3 +133,17 @@ def test_a_light_press_beside_a_strong_one_is_found_on_a_large_skin() -> None:
     assert light.centre_mm == pytest.approx((35.0, 30.0), abs=3.0)
     assert light.normal_force_over_E_mm2 == pytest.approx(0.003, rel=0.25)
     assert strong.normal_force_over_E_mm2 == pytest.approx(0.06, rel=0.05)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_three_presses_that_begin_in_one_frame_are_three_contacts_at_once(seed: int) -> None:
+    turn = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi) + 2.0 * np.pi * np.arange(3) / 3
+    places_mm = 9.0 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    forces_mm2 = (0.16, 0.1, 0.13)
+    presses = [(float(x), float(y), force) for (x, y), force in zip(places_mm, forces_mm2, strict=True)]
+    found = touching(*presses, frames=1, sensor=sensor_of())
+    assert len(found) == 3
+    for place_mm, force_mm2 in zip(places_mm, forces_mm2, strict=True):
+        nearest = min(found, key=lambda each: float(np.linalg.norm(each.centre_mm - place_mm)))
+        assert nearest.centre_mm == pytest.approx(place_mm, abs=1.0)
+        assert nearest.normal_force_over_E_mm2 == pytest.approx(force_mm2, rel=0.12)
