@@ -162,7 +162,7 @@ class GaussNewton:
             noise: ratio of the marker noise to the usual one, at least 1. It reduces the weight of the prior
                 and increases `negligible_force`: a force that the noise hides is not evidence for its
                 absence.
-            usual_std_px: that noise.
+            usual_std_px: the usual standard deviation of the marker images, for `negligible_stds`.
             posterior: of an earlier frame; the first step is taken with it.
             posterior_frames: number of frames since then.
             posterior_worst_chi2: that of the last full step.

@@ -260,7 +260,7 @@ def _press(dots: MarkerImages, width_mm: float) -> _Press:
     moved_px = np.einsum("mank,mnk->ma", dots.derivative_px(at_rest), moved[dots.tips.basis.node])
     return _Press(
         depth_per_mm=float(np.einsum("nc,nc->", load, moved)),
-        seen_mm2_per_px=1.0 / float(np.linalg.norm(moved_px)),
+        seen_mm2_per_px=1.0 / max(float(np.linalg.norm(moved_px)), np.finfo(np.float64).tiny),
     )
 
 
