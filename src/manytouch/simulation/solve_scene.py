@@ -1,7 +1,7 @@
 """A scene file, solved: from bodies on their trajectories to the simulated sensor."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -27,6 +27,9 @@ from manytouch.values.arrays import Scalars
 
 STATES_VARIABLE = "MANYTOUCH_STATES"
 MOST_STEPS = 200
+MOST_PULL = 0.2
+"""Largest pull of a body over the largest force so far; friction on a steep flank can pull a little."""
+LEAST_PULL_N = 1e-6
 LIBRARY = files("manytouch.simulation") / "library"
 
 
@@ -111,7 +114,7 @@ def solve_scene(scene: SceneFile, folder: Path) -> Iterator[Deformation]:
     """The states at the keyframes of a scene, one by one: shipped, kept in a folder, or solved now.
 
     Raises:
-        SourceError: no equilibrium is found.
+        SourceError: no equilibrium is found, or a body has passed through the sheet and pulls it.
         OutputError: the folder cannot be written.
     """
     if scene.mechanics == "shell":
@@ -122,11 +125,28 @@ def solve_scene(scene: SceneFile, folder: Path) -> Iterator[Deformation]:
     if shipped is not None:
         yield from shipped
         return
-    for time_s, state in zip(problem.time_s.tolist(), problem.states(folder), strict=False):
+    yield from checked(scene.name, problem.time_s, problem.states(folder))
+
+
+def checked(name: str, time_s: Scalars, states: Iterable[Deformation]) -> Iterator[Deformation]:
+    """The states at keyframes, of a scene with this name, as long as they are equilibria of pressed sheets.
+
+    Raises:
+        SourceError: see `solve_scene`.
+    """
+    most_N = 0.0
+    for at_s, state in zip(time_s.tolist(), states, strict=False):
         if state.status != "ok":
             raise SourceError(
-                f"the scene {scene.name!r} could not be solved beyond {time_s:.2f} s: press less deep there, "
+                f"the scene {name!r} could not be solved beyond {at_s:.2f} s: press less deep there, "
                 "or take smaller elements or steps in [solid]"
+            )
+        normal_N = np.array([contact.normal_force_N for contact in state.contacts])
+        most_N = max(most_N, float(np.abs(normal_N).max(initial=0.0)))
+        if normal_N.min(initial=0.0) < -max(MOST_PULL * most_N, LEAST_PULL_N):
+            raise SourceError(
+                f"in the scene {name!r}, body {int(normal_N.argmin()) + 1} has passed through the sheet and "
+                f"pulls it at {at_s:.2f} s: take smaller elements or steps in [solid], or press less deep"
             )
         yield state
 
