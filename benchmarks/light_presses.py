@@ -22,7 +22,7 @@ from manytouch.estimation import MechanicsEstimator
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState
 from manytouch.geometry.camera import project
-from manytouch.mechanics.shell.equilibrium import equilibrium, tangent_factor
+from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.values import Camera, Contact, Sensor, Sheet, TrackedGrid
 from manytouch.values.arrays import read_only
 
@@ -75,17 +75,6 @@ def load_of(model: InversionModel, place_mm: np.ndarray, force_mm2: float) -> np
     """Nodal forces over E of a press on a square of one pitch."""
     corner_mm = 0.25 * model.pitch_mm * np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
     return model.patch.load(place_mm + corner_mm, np.tile([0.0, 0.0, -0.25 * force_mm2], (4, 1)))
-
-
-def force_noise_mm2(model: InversionModel, noise_px: float) -> float:
-    """Standard deviation of a single force over E in the middle of the sheet at rest."""
-    load = load_of(model, np.zeros(2), 1.0) * model.patch.is_free
-    at_rest, tangent, force = np.zeros_like(load), model.shell.empty_tangent(), np.empty_like(load)
-    model.shell.forces_and_tangent(at_rest, force, tangent)
-    moved_mm = tangent_factor(model.shell, tangent).solve(load.reshape(1, -1))[0].reshape(-1, 3)
-    step_mm = 1e-4 / np.abs(moved_mm).max() * moved_mm
-    moved_px = model.dots.displacement_px(step_mm) - model.dots.displacement_px(at_rest)
-    return noise_px * float(np.linalg.norm(step_mm) / np.linalg.norm(moved_mm) / np.linalg.norm(moved_px))
 
 
 class Trial:
@@ -143,7 +132,7 @@ def main() -> None:
     for strain, thickness_mm, length_mm in product((0.0, 0.01), (2.0, 4.0), (60.0, 120.0, 240.0)):
         trial = Trial(skin(length_mm, thickness_mm, strain), noise_px)
         model = trial.model
-        noise_mm2 = force_noise_mm2(model, noise_px)
+        noise_mm2 = model.nodes.force_noise_mm2(np.zeros((model.patch.node_count, 2)), noise_px)
         places_mm = PLACES * model.patch.size_mm
         row = (4.0 * noise_mm2 * RATIO**step for step in range(STEPS))
         least_mm2 = next(
