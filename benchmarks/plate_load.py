@@ -11,14 +11,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from manytouch.estimation.pad.image_error import ImageError
 from manytouch.estimation.pad.pad_model import NominalPad
 from manytouch.values import Sensor, Sheet
 from manytouch.values.sensor_file.default_std import sheet_std
 
 SHIFT_PX, GROWTH, TURN_RAD = 0.3, 5e-3, 5e-3
 """Standard deviations of the motion of the view by mounting again."""
-NOISE_PX, MODEL_SHARE = 0.02, 0.06
-"""Standard deviations of a mean marker image, and of the model over the displacement before it is scaled."""
+NOISE_PX = 0.02
+"""Standard deviation of a mean marker image."""
 MODES = 6
 ELEMENT = 0.6
 """Length of an element in thicknesses; half of it changes fitted forces by 1 % at most."""
@@ -27,11 +28,16 @@ _ROUNDS = 6
 
 @dataclass(frozen=True)
 class PlateModel:
-    """Marker images (MODES, 2 m) and forces over E (3, MODES) of the plate; motions of the view (4, 2 m)."""
+    """Marker images (MODES, 2 m) and forces over E (3, MODES) of the plate; motions of the view (4, 2 m).
+
+    The error of the model is a share of the motion around each marker, with weights (m, m) of the markers.
+    """
 
     image: np.ndarray
     force: np.ndarray
     view: np.ndarray
+    around: np.ndarray
+    share: float
 
 
 @dataclass(frozen=True)
@@ -46,7 +52,7 @@ class PlateForces:
 
 def plate_model(sensor: Sensor) -> PlateModel:
     """The plate on the pad of a sensor with its pose."""
-    pad = NominalPad(element_thickness=ELEMENT)(sensor)
+    pad, error = NominalPad(element_thickness=ELEMENT)(sensor), ImageError()
     nodes = len(pad.face)
     place = pad.patch.place_mm / (0.5 * max(pad.patch.size_mm))
     rigid = np.zeros((nodes, 3, MODES))
@@ -56,22 +62,21 @@ def plate_model(sensor: Sensor) -> PlateModel:
     flexibility = pad.face.reshape(3 * nodes, 3 * nodes)
     nodal = np.linalg.solve(flexibility, rigid.reshape(3 * nodes, MODES))
     moved_mm = (nodal.T @ pad.marker.reshape(3 * nodes, -1)).reshape(MODES, -1, 3)
-    away_px = pad.rest_px - pad.rest_px.mean(axis=0)
-    count = len(away_px)
-    turned_px = np.column_stack([-away_px[:, 1], away_px[:, 0]])
     return PlateModel(
         image=np.einsum("mij,kmj->kmi", pad.slope_px, moved_mm).reshape(MODES, -1),
         force=nodal.reshape(nodes, 3, MODES).sum(axis=0) * np.array([1.0, 1.0, -1.0])[:, None],
-        view=np.stack(
-            [np.tile([1.0, 0.0], count), np.tile([0.0, 1.0], count), away_px.ravel(), turned_px.ravel()]
-        ),
+        view=pad.motion,
+        around=error.weights(pad),
+        share=error.share,
     )
 
 
 def plate_forces(model: PlateModel, moved_px: np.ndarray) -> PlateForces:
     """Forces over E for displacements (n, m, 2) of the markers; NaN where a marker was not seen.
 
-    The error of the model is scaled until the misfit of a case is that of its degrees of freedom.
+    The error of the model is that of pads (`ImageError`): a share of the motion around a marker. With a share
+    of its own motion, markers in the middle, which a plate hardly moves, would count too much. It is scaled
+    until the misfit of a case is that of its degrees of freedom.
     """
     column = np.vstack([model.image, model.view])
     prior = np.diag(np.r_[np.zeros(MODES), 1.0 / np.square([SHIFT_PX, SHIFT_PX, GROWTH, TURN_RAD])])
@@ -79,7 +84,7 @@ def plate_forces(model: PlateModel, moved_px: np.ndarray) -> PlateForces:
     for moved in moved_px:
         is_seen = np.repeat(np.isfinite(moved).all(axis=1), 2)
         measured = np.nan_to_num(moved).ravel()
-        error = NOISE_PX**2 + np.repeat(MODEL_SHARE**2 * (np.nan_to_num(moved) ** 2).sum(axis=1), 2)
+        error = NOISE_PX**2 + np.repeat(model.share**2 * _motion_around(model, moved), 2)
         scale = 1.0
         for _ in range(_ROUNDS):
             weight = is_seen / (scale * error)
@@ -93,6 +98,14 @@ def plate_forces(model: PlateModel, moved_px: np.ndarray) -> PlateForces:
         view.append(found[MODES:])
         scales.append(scale)
     return PlateForces(np.array(force), np.array(covariance), np.array(view), np.array(scales))
+
+
+def _motion_around(model: PlateModel, moved_px: np.ndarray) -> np.ndarray:
+    """(m,) mean squared motion of the seen markers around each, px^2."""
+    seen = np.isfinite(moved_px).all(axis=1)
+    near = model.around @ seen
+    summed = model.around @ (np.nan_to_num(moved_px) ** 2).sum(axis=1)
+    return np.divide(summed, near, out=np.zeros_like(near), where=near > 0.0)
 
 
 def young_MPa(forces: PlateForces, fitted: Sequence[int], normal_N: np.ndarray) -> tuple[float, float]:

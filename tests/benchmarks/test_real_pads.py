@@ -16,6 +16,8 @@ sys.path.append(str(BENCHMARKS))
 import real_pads  # noqa: E402
 from plate_load import MODES, PlateModel, plate_forces, plate_model, young_MPa  # noqa: E402
 
+from manytouch.values.sensor_file.read import load_sensor  # noqa: E402
+
 
 @pytest.fixture(scope="module")
 def model() -> PlateModel:
@@ -49,6 +51,19 @@ def test_forces_are_found_whatever_the_view_did(model: PlateModel) -> None:
     off_N = young * found.force - true_N
     assert (np.abs(off_N) < 2.0 * np.hypot(std_N, share * np.abs(true_N))).all()
     assert (std_N[:, :2] < 0.6).all()
+
+
+def test_markers_in_the_middle_that_hardly_move_do_not_decide() -> None:
+    """The error of the model is as large there as around them."""
+    model = plate_model(load_sensor(real_pads.SENSOR))
+    motion_mm = np.array([0.0, 0.0, 0.3, 0.0, 0.0, 0.0])
+    clean_px, true = (motion_mm @ model.image).reshape(-1, 2), model.force[2] @ motion_mm
+    error_px = 0.2 * np.sqrt(model.around @ (clean_px**2).sum(axis=1) / 2.0)[:, None]
+    random = np.random.default_rng(7)
+    moved_px = clean_px + error_px * random.normal(size=(12, *clean_px.shape))
+    off = plate_forces(model, moved_px).force[:, 2] / true - 1.0
+    assert np.sqrt(np.mean(off**2)) < 0.045
+    assert abs(np.mean(off)) < 0.02
 
 
 def test_a_regression_predicts_each_case_from_the_others() -> None:
