@@ -339,3 +339,41 @@ def centre_derivatives(
             for n in range(16):
                 for j in range(3):
                     out[k, axis, n, j] = g0 * face[k, 0, n, j] + g1 * face[k, 1, n, j] + g2 * face[k, 2, n, j]
+
+
+@kernel()
+@no_type_check
+def add_pulls(
+    derivative: Float64[np.ndarray, "m 2 4 12"],
+    residual: Float64[np.ndarray, "k m 2"],
+    information: Float64[np.ndarray, "m 2 2"],
+    first: Int64[np.ndarray, "m 2"],
+    columns: int,
+    gradients: Float64[np.ndarray, "k nodes 3"],
+) -> None:
+    """Add J^T W r to the gradient of each of k residuals.
+
+    Args:
+        derivative: of the marker images by the coefficients of 4 rows of 4 nodes, px/mm.
+        residual: (k, m, 2) r; ignored along an axis without information.
+        information: (m, 2, 2) W, per px^2.
+        first: (m, 2) slow and fast index of the first node of each marker.
+        columns: number of nodes along the fast axis.
+        gradients: (k, nodes, 3) result.
+    """
+    total = np.empty(gradients[0].size)
+    for k in range(len(residual)):
+        total[:] = 0.0
+        for i in range(len(derivative)):
+            w00, w11 = information[i, 0, 0], information[i, 1, 1]
+            x = residual[k, i, 0] if w00 != 0.0 else 0.0
+            y = residual[k, i, 1] if w11 != 0.0 else 0.0
+            pull_x = w00 * x + information[i, 0, 1] * y
+            pull_y = information[i, 1, 0] * x + w11 * y
+            for a in range(4):
+                begin = 3 * ((first[i, 0] + a) * columns + first[i, 1])
+                for p in range(12):
+                    total[begin + p] += pull_x * derivative[i, 0, a, p] + pull_y * derivative[i, 1, a, p]
+        flat = gradients[k].reshape(-1)
+        for p in range(len(total)):
+            flat[p] += total[p]

@@ -6,9 +6,11 @@ import numpy as np
 from jaxtyping import Float, Float64, Int64
 
 from manytouch.geometry.spline.patch import Nodal
+from manytouch.mechanics.markers import kernels as marker_kernels
 from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell import tangent_kernels
 from manytouch.mechanics.shell.shell import Shell
+from manytouch.values.arrays import read_only_view
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -104,7 +106,7 @@ class Linearisation:
         patch = self.shell.patch
         weighted = np.where(patch.is_free, weighted_balance, 0.0)
         across = weighted.copy()
-        across[:, :, 2] += (self.slope * weighted[:, :, :2]).sum(axis=2)
+        across[:, :, 2] += self.slope[:, 0] * weighted[:, :, 0] + self.slope[:, 1] * weighted[:, :, 1]
         gradients = self.shell.products(self.tangent, across)
         for gradient, each in zip(gradients, weighted, strict=True):
             gradient[:, 2] += patch.slope_moments(self.force[:, 2:] * each[:, :2])
@@ -134,14 +136,13 @@ class Linearisation:
         weighted_balance: Float64[np.ndarray, "k nodes 3"],
     ) -> Float64[np.ndarray, "k nodes 3"]:
         """As `gradient`, for each of several residuals and forces."""
-        patch = self.shell.patch
-        is_unused = information_per_px2[:, [0, 1], [0, 1]] == 0.0
         gradients = self.balance_gradients(weighted_balance)
-        count, node = patch.node_count, self.dots.tips.basis.node.ravel()
-        for gradient, each in zip(gradients, residual_px, strict=True):
-            pull = np.einsum("mij,mj->mi", information_per_px2, np.where(is_unused, 0.0, each))
-            spread = np.einsum("mi,mika->mka", pull, self.derivative)
-            for axis in range(3):
-                gradient[:, axis] += np.bincount(node, spread[:, :, axis].ravel(), minlength=count)
-        gradients[:, ~patch.is_free] = 0.0
+        marker_kernels.add_pulls(
+            read_only_view(self.derivative.reshape(-1, 2, 4, 12)),
+            read_only_view(np.ascontiguousarray(residual_px)),
+            read_only_view(information_per_px2),
+            self.dots.first,
+            self.shell.patch.shape[1],
+            gradients,
+        )
         return gradients

@@ -141,6 +141,18 @@ def test_the_gradient_of_one_tangential_component_is_that_of_the_balance(
         np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
 
 
+def test_gradients_of_several_residuals(dots: MarkerImages, bent_mm: np.ndarray) -> None:
+    residual, information, _ = problem(dots)
+    here = equations(dots).linearise(bent_mm)
+    residuals, nothing = np.stack([residual, 2.0 - residual]), np.zeros((2, *bent_mm.shape))
+    pull = np.einsum("mab,kmb->kma", information, np.nan_to_num(residuals))
+    parts, expected = np.einsum("kma,manc->kmnc", pull, here.derivative), np.zeros_like(nothing)
+    for gradient, part in zip(expected, parts, strict=True):
+        np.add.at(gradient, here.dots.tips.basis.node, part)
+    found = here.gradients(residuals, information, nothing)
+    np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+
+
 @pytest.mark.parametrize("precision", [np.float64, np.float32])
 def test_a_chord_step_at_its_own_linearisation_is_a_full_step(
     dots: MarkerImages, bent_mm: np.ndarray, precision: type[np.floating]
