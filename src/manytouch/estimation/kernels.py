@@ -16,11 +16,12 @@ _LEAST_SCALE = 1e-3  # pitches, of the lengths at which markers lose their weigh
 def _median(value: Floats, count: int, work: Floats) -> float:
     """Median of the first `count` values, of which there are about eight; `work` is overwritten."""
     for k in range(count):
-        at, here = k, value[k]
-        while at > 0 and work[at - 1] > here:
-            work[at] = work[at - 1]
-            at -= 1
-        work[at] = here
+        here = value[k]
+        for at in range(k):  # no branches: the order of the values cannot be foreseen
+            low = min(work[at], here)
+            here = max(work[at], here)
+            work[at] = low
+        work[k] = here
     half = count // 2
     return float(work[half] if count % 2 else 0.5 * (work[half - 1] + work[half]))
 

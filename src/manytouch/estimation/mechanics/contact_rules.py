@@ -184,6 +184,8 @@ def significant(clusters: Clusters, fit: Fit, least_stds: float) -> tuple[Cluste
     std_mm2[is_open] = fit.posterior.force_std(inside[is_open].astype(np.float64), 2)
     stds = clusters.normal_mm2 / np.maximum(std_mm2, np.finfo(np.float64).tiny)
     chosen = np.flatnonzero(stds >= least_stds)
+    if len(chosen) == len(clusters):
+        return clusters, stds
     return clusters.select(chosen), stds[chosen]
 
 

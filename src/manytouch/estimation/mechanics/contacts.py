@@ -169,7 +169,8 @@ class ContactEstimator:
             balance(model, fit.shape.coefficient_mm, fit.shape.force_mm2),
             friction_std=np.inf if model.is_assumed else self.error.friction,
         )
-        radius_mm = np.sqrt(np.maximum(clusters.area_mm2, (0.5 * model.pitch_mm) ** 2) / np.pi)
+        patch_area_mm2 = clusters.area_mm2
+        radius_mm = np.sqrt(np.maximum(patch_area_mm2, (0.5 * model.pitch_mm) ** 2) / np.pi)
         around_mm = clusters.centre_mm[:, None] + radius_mm[:, None, None] * _RINGS
         face = Face(shell=model.shell, point_mm=around_mm.reshape(-1, 2))
         moved_mm = face.displacement(fit.shape.coefficient_mm).reshape(count, len(_RINGS), 3)
@@ -181,7 +182,7 @@ class ContactEstimator:
         slope = face.derivative(fit.shape.coefficient_mm)
         rows = np.stack([_estimate_rows(model, clusters, number, fit, near) for number in range(count)])
         point = np.arange(count) * len(_RINGS) + deepest
-        rows[np.arange(count)[:, None], _LINEAR.index(_DEPTH), face.basis.node[point]] = -slope[point, 2]
+        rows[np.arange(count)[:, None], _LINEAR.index(_DEPTH), face.node[point]] = -slope[point, 2]
         white = np.zeros((count, len(ESTIMATES), fit.shape.force_mm2.size))
         white[:, _LINEAR] = fit.posterior.whiten(rows.reshape(-1, *fit.shape.force_mm2.shape)).reshape(
             count, len(_LINEAR), -1
@@ -207,6 +208,7 @@ class ContactEstimator:
                     clusters,
                     number,
                     depth_mm=depth_mm,
+                    patch_area_mm2=float(patch_area_mm2[number]),
                     centre_px=centre_px[number],
                     marker_covariance=marker_covariance,
                 )
@@ -220,15 +222,16 @@ class ContactEstimator:
         number: int,
         *,
         depth_mm: float,
+        patch_area_mm2: float,
         centre_px: np.ndarray,
         marker_covariance: Float64[np.ndarray, "8 8"],
     ) -> Contact:
         """The contact of a cluster.
 
-        `marker_covariance` is that of its estimates in the order of `ESTIMATES`, forces over E, without the
-        error of the model.
+        `patch_area_mm2` is its `Clusters.area_mm2`. `marker_covariance` is that of its estimates in the order
+        of `ESTIMATES`, forces over E, without the error of the model.
         """
-        press_mm2, patch_area_mm2 = float(clusters.normal_mm2[number]), float(clusters.area_mm2[number])
+        press_mm2 = -float(clusters.force_mm2[number, 2])
         footprint = self.footprints(clusters, number, model.pitch_mm)
         variance = self.error.variances(
             model,
@@ -316,10 +319,11 @@ def nearest_cluster(
     near = np.full(len(clusters.label), -1, dtype=np.int64)
     if len(labelled) == 0:
         return near
-    free = np.flatnonzero(model.patch.is_free[:, 0] & ~model.is_excluded)
-    away, which = cKDTree(nodes.place_mm[labelled] / nodes.element_mm).query(
-        nodes.place_mm[free] / nodes.element_mm, distance_upper_bound=reach_elements + 1e-3
-    )
+    place, reach = nodes.place_mm / nodes.element_mm, reach_elements + 1e-3
+    own = place[labelled]
+    may_be = ((place >= own.min(axis=0) - reach) & (place <= own.max(axis=0) + reach)).all(axis=1)
+    free = np.flatnonzero(may_be & model.patch.is_free[:, 0] & ~model.is_excluded)
+    away, which = cKDTree(own).query(place[free], distance_upper_bound=reach)
     is_near = np.isfinite(away)
     near[free[is_near]] = clusters.label[labelled[which[is_near]]]
     return near

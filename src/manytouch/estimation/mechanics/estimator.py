@@ -178,9 +178,8 @@ class MechanicsEstimator:
         self, state: MechanicsState, grid: TrackedGrid, fit: Fit
     ) -> tuple[MechanicsState, Surface, Contacts]:
         """A frame that the sheet describes: its contacts are the clusters of the forces of the fit."""
-        model, status = state.model, grid.status
+        model, status, earlier_response = state.model, grid.status, state.response
         noise = self.marker_noise.noise_ratio(grid, state.model_std_px)
-        earlier_response = state.response
         state = self._with_response(state, fit)
         forces = ForcePosterior(model, fit)
         clusters = self._clusters(state, fit, forces, noise=noise)
@@ -316,8 +315,9 @@ class MechanicsEstimator:
         """Contacts with identities and slip, and the state that contains them."""
         model = state.model
         least_mm2 = noise * model.nodes.least_force_mm2
-        on_face = np.isin(clusters.label, np.flatnonzero(clusters.is_face))
-        own_mm2 = np.where(on_face[:, None], 0.0, fit.shape.force_mm2)
+        own_mm2 = fit.shape.force_mm2
+        if clusters.is_face.any():
+            own_mm2 = np.where(np.append(clusters.is_face, False)[clusters.label][:, None], 0.0, own_mm2)
         found = self.contact_estimator(
             model, clusters, fit, state.local, friction=friction, response=state.response
         )

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from manytouch.medians import median
 from manytouch.values import Sensor, TrackedGrid
 from manytouch.values.arrays import Scalars, read_only
 
@@ -57,7 +58,7 @@ class MarkerNoise:
             model_std_px: of the model and of the rest positions, as from `constant_std_px`.
         """
         noise_px2 = _variance_px2(grid)[grid.is_seen]
-        return float(np.sqrt(np.median(noise_px2) + model_std_px**2))
+        return float(np.sqrt(median(noise_px2) + model_std_px**2))
 
     def usual_std_px(self, model_std_px: float) -> float:
         """Largest whole standard deviation of the marker images of a frame that does not count as noisy."""

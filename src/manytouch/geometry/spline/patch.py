@@ -176,8 +176,6 @@ class SplinePatch:
 
     def basis(self, window: PointWindow) -> PointBasis:
         """The basis functions from their factors."""
-        first, local = window.first, np.arange(4)
-        node = (first[:, :1] + local)[:, :, None] * self.shape[1] + (first[:, 1:] + local)[:, None, :]
 
         def product(table: np.ndarray, slow: int, fast: int) -> np.ndarray:
             """(k, 16) derivatives of the functions along both axes, in their order."""
@@ -187,7 +185,7 @@ class SplinePatch:
         plane, bending = window.plane, window.bending
         curvature = [product(bending, 2 * x[0], 2 * x[1]), product(bending, 2 * y[0], 2 * y[1])]
         return PointBasis(
-            node=node.reshape(-1, 16),
+            node=self.nodes_of(window),
             value=product(plane, 0, 0),
             dx=product(plane, *x),
             dy=product(plane, *y),
@@ -197,6 +195,12 @@ class SplinePatch:
             dxx=curvature[0],
             dyy=curvature[1],
         )
+
+    def nodes_of(self, window: PointWindow) -> Int64[np.ndarray, "k 16"]:
+        """The 4 x 4 nodes of each point of a window."""
+        first, local = window.first, np.arange(4)
+        node = (first[:, :1] + local)[:, :, None] * self.shape[1] + (first[:, 1:] + local)[:, None, :]
+        return np.asarray(node.reshape(-1, 16))
 
     def window(self, point_mm: Float64[np.ndarray, "k 2"]) -> PointWindow:
         """The basis functions at points (k, 2), as factors along both directions."""

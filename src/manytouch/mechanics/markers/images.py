@@ -35,6 +35,11 @@ class Face:
         """Nodes and basis functions at the points."""
         return self.shell.patch.basis(self._window)
 
+    @property
+    def node(self) -> Int64[np.ndarray, "k 16"]:
+        """Nodes of `basis`."""
+        return self.shell.patch.nodes_of(self._window)
+
     def displacement(self, coefficient_mm: Nodal) -> Float64[np.ndarray, "k 3"]:
         """Displacement (mm) in the sheet frame; the depth is minus its z."""
         out = np.empty((len(self.point_mm), 3))

@@ -12,6 +12,7 @@ from manytouch.mechanics.banded.band import BandFactor
 from manytouch.mechanics.shell import tangent_kernels
 from manytouch.mechanics.solver.linearisation import Linearisation
 from manytouch.mechanics.solver.reweighting import ReweightedFactor, reweighted_factor
+from manytouch.values.arrays import read_only
 
 T = TypeVar("T")
 
@@ -60,9 +61,9 @@ class PosteriorCache:
     def __init__(self) -> None:
         self._kept: dict[tuple[str, bytes], Any] = {}
 
-    def kept(self, name: str, node: Int64[np.ndarray, " k"], compute: Callable[[], T]) -> T:
-        """A result for some nodes: that of an earlier call with the same name and nodes, if there was one."""
-        key = (name, node.tobytes())
+    def kept(self, name: str, of: np.ndarray, compute: Callable[[], T]) -> T:
+        """A result for an array, as numbers of nodes: that of an earlier call with both, if there was one."""
+        key = (name, of.tobytes())
         if key not in self._kept:
             if len(self._kept) >= _MAX_KEPT:
                 self._kept.clear()
@@ -200,10 +201,14 @@ class Posterior:
 
     def force_std(self, share: Float64[np.ndarray, "k nodes"], component: int) -> Float64[np.ndarray, " k"]:
         """Standard deviations of k sums sum_j share_kj f_j,component over E, mm^2."""
-        rows = [self.linearisation.force_row(each, component).ravel() for each in share]
-        if not rows:
+        if len(share) == 0:
             return np.zeros(0)
-        return np.asarray(np.linalg.norm(self.factor.whiten(np.stack(rows)), axis=1))
+        name = f"deviation of the forces along axis {component}"
+        return self.workspace.kept(name, share, lambda: self._force_std(share, component))
+
+    def _force_std(self, share: Float64[np.ndarray, "k nodes"], component: int) -> Float64[np.ndarray, " k"]:
+        rows = np.stack([self.linearisation.force_row(each, component).ravel() for each in share])
+        return read_only(np.linalg.norm(self.factor.whiten(rows), axis=1))
 
     def solve(self, right: Float64[np.ndarray, "k nodes 3"]) -> Float64[np.ndarray, "k nodes 3"]:
         """H^-1 times each right-hand side."""

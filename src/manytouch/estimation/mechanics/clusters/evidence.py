@@ -256,13 +256,17 @@ class ForcePosterior:
         node = np.flatnonzero(np.isfinite(press_mm2))
         posterior = self.fit.posterior
         off_mm2 = -press_mm2[node] - self.fit.shape.force_mm2[node, 2]
-        covariance = posterior.workspace.kept("covariance", node, lambda: posterior.force_covariance(node))
-        return posterior.change_by_forces(node, np.linalg.solve(covariance, off_mm2))
+        return posterior.change_by_forces(node, np.linalg.solve(_covariance(posterior, node), off_mm2))
+
+
+def _covariance(posterior: Posterior, node: Int64[np.ndarray, " n"]) -> Float64[np.ndarray, "n n"]:
+    """Covariance of the normal forces over E at free nodes, computed once from each posterior, mm^4."""
+    return posterior.workspace.kept("covariance", node, lambda: posterior.force_covariance(node))
 
 
 def _combinations(model: InversionModel, posterior: Posterior, node: Int64[np.ndarray, " n"]) -> Combinations:
     """The eigenvectors of the likelihood matrix L of some nodes that the markers determine."""
-    inverse = np.linalg.inv(posterior.force_covariance(node))
+    inverse = np.linalg.inv(_covariance(posterior, node))
     likelihood = inverse - np.diag(posterior.weight[node, 2])
     size, axes = np.linalg.eigh(0.5 * (likelihood + likelihood.T))
     is_used = size > _LEAST_INFORMATION * size[-1]
@@ -281,6 +285,7 @@ def _local(model: InversionModel, node: Int64[np.ndarray, " n"]) -> Int64[np.nda
     patch = model.patch
     of_node = np.full(patch.node_count, -1, dtype=np.int64)
     of_node[node] = np.arange(len(node))
-    grid = of_node.reshape(patch.shape)
-    along_x = grid if patch.is_x_slow else grid.T
-    return np.ascontiguousarray(np.pad(along_x, patch.dropped, constant_values=-1))
+    slow, fast, dropped = *patch.shape, patch.dropped
+    grid = np.full((slow + 2 * dropped, fast + 2 * dropped), -1, dtype=np.int64)
+    grid[dropped : dropped + slow, dropped : dropped + fast] = of_node.reshape(slow, fast)
+    return grid if patch.is_x_slow else np.ascontiguousarray(grid.T)
