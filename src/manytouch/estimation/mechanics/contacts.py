@@ -166,7 +166,7 @@ class ContactEstimator:
             clusters,
             near,
             fit.shape.force_mm2,
-            balance(model, fit.shape.coefficient_mm, fit.shape.force_mm2),
+            balance(model, fit.shape.slope, fit.shape.force_mm2),
             friction_std=np.inf if model.is_assumed else self.error.friction,
         )
         patch_area_mm2 = clusters.area_mm2
@@ -278,7 +278,8 @@ def _by_parameters(
     """
     count = len(clusters)
     change = np.zeros((count, len(response.change_mm), len(ESTIMATES)))
-    change[:, :, _DEPTH] = np.einsum("cna,pna->cp", rows[:, _LINEAR.index(_DEPTH)], response.change_mm)
+    depth_row = rows[:, _LINEAR.index(_DEPTH)].reshape(count, -1)
+    change[:, :, _DEPTH] = depth_row @ response.change_mm.reshape(len(response.change_mm), -1).T
     force_mm2 = response.force_change_mm2
     for number in range(count):
         change[number][:, _SHEAR] = force_mm2[:, near == number, :2].sum(axis=1)

@@ -195,7 +195,7 @@ class MechanicsEstimator:
         clusters, stds = self.contact_rules.certain(model, clusters, fit, state.response, state.touching_mm)
         friction = self.friction_fits(fit, clusters, shape.force_mm2)
         if friction is not None:
-            shape = shape.moved(friction.change_mm, friction.force_change_mm2)
+            shape = shape.moved(model, friction.change_mm, friction.force_change_mm2)
             clusters = replace(clusters, centre_mm=clusters.centre_mm + friction.centre_change_mm)
         surface = self._surface(state, grid, shape, clusters, status)
         may_start = self._may_start(state, clusters, fit) & (stds >= self.contact_rules.start_stds)

@@ -27,6 +27,7 @@ normal equations and in the steps with an earlier posterior.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float64
 
 from manytouch.estimation.mechanics.inversion.force_nodes import smooth
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
@@ -283,17 +284,19 @@ class GaussNewton:
             balance_mm2=here.balance_mm2,
             chi2=here.chi2,
             worst_chi2=here.worst_chi2,
-            force_unit_mm2=self.force_unit_mm2(model, here.shape.coefficient_mm, here.usual_std_px),
+            force_unit_mm2=self.force_unit_mm2(model, here.shape.slope, here.usual_std_px),
             steps=steps,
             status=status,
         )
 
-    def force_unit_mm2(self, model: InversionModel, coefficient_mm: Nodal, usual_std_px: float) -> float:
-        """Unit of the thresholds of nodal forces over E for a shape of the sheet.
+    def force_unit_mm2(
+        self, model: InversionModel, slope: Float64[np.ndarray, "nodes 2"], usual_std_px: float
+    ) -> float:
+        """Unit of the thresholds of nodal forces over E for a shape of the sheet with these slopes.
 
         It is pitch times thickness, or less where `negligible_stds` makes `negligible_force` less.
         """
-        noise_mm2 = model.nodes.force_noise_mm2(model.patch.slopes(coefficient_mm[:, 2]), usual_std_px)
+        noise_mm2 = model.nodes.force_noise_mm2(slope, usual_std_px)
         return min(model.nodes.force_unit_mm2, self.negligible_stds / self.negligible_force * noise_mm2)
 
     def weights(
@@ -305,9 +308,7 @@ class GaussNewton:
         weight = np.empty_like(shape.force_mm2)
         tangential_mm2 = self.tangential_std * model.nodes.force_unit_mm2
         weight[:, :2] = (1.0 / (tangential_mm2**2 + (self.friction * press) ** 2))[:, None]
-        negligible_mm2 = self.negligible_force * self.force_unit_mm2(
-            model, shape.coefficient_mm, usual_std_px
-        )
+        negligible_mm2 = self.negligible_force * self.force_unit_mm2(model, shape.slope, usual_std_px)
         weight[:, 2] = self.prior_weight / (
             noise * np.maximum(press**2, self.neighbour_share * around2) + (noise * negligible_mm2) ** 2
         )
@@ -315,7 +316,7 @@ class GaussNewton:
 
     def _is_as_stiff(self, model: InversionModel, posterior: Posterior, now: "_Iterate") -> bool:
         """Whether the derivatives of an earlier frame are those of about this tension of the sheet."""
-        slopes = posterior.linearisation.slope, model.patch.slopes(now.shape.coefficient_mm[:, 2])
+        slopes = posterior.linearisation.slope, now.shape.slope
         before, after = (model.nodes.force_noise_mm2(slope, 1.0) for slope in slopes)
         return max(before / after, after / before) <= self.max_stiffening
 
@@ -324,7 +325,7 @@ class GaussNewton:
         return now > self.min_growth * before
 
     def _is_converged(self, model: InversionModel, before_mm2: Nodal, now: "_Iterate", share: float) -> bool:
-        unit_mm2 = self.force_unit_mm2(model, now.shape.coefficient_mm, now.usual_std_px)
+        unit_mm2 = self.force_unit_mm2(model, now.shape.slope, now.usual_std_px)
         now_mm2 = now.shape.force_mm2
         change_mm2 = np.abs(now_mm2 - before_mm2)[:, 2] - self.negligible_force * unit_mm2
         total_mm2 = float(np.abs(now_mm2[:, 2]).sum())
@@ -361,8 +362,10 @@ class _Iterate:
         usual_std_px: float,
     ) -> "_Iterate":
         residual_px = np.asarray(shape.displacement_px - measured_px)
-        pull = np.einsum("mij,mj->mi", information, residual_px)
-        misfit = (residual_px * pull).sum(axis=1)
+        x, y = residual_px[:, 0], residual_px[:, 1]
+        pull_x = information[:, 0, 0] * x + information[:, 0, 1] * y
+        pull_y = information[:, 1, 0] * x + information[:, 1, 1] * y
+        misfit = x * pull_x + y * pull_y
         return _Iterate(
             shape=shape,
             measured_px=measured_px,
@@ -370,7 +373,7 @@ class _Iterate:
             residual_px=residual_px,
             misfit=float(misfit.sum()),
             worst_chi2=0.5 * float(misfit.max(initial=0.0)),
-            balance_mm2=balance(model, shape.coefficient_mm, shape.force_mm2),
+            balance_mm2=balance(model, shape.slope, shape.force_mm2),
             usual_std_px=usual_std_px,
         )
 
@@ -386,9 +389,9 @@ class _Iterate:
         return self.misfit + float((weight * self.balance_mm2**2).sum())
 
 
-def balance(model: InversionModel, coefficient_mm: Nodal, force_mm2: Nodal) -> Nodal:
-    """(n, 3) nodal forces over E tangential to the deformed sheet along x and y, and their z components."""
+def balance(model: InversionModel, slope: Float64[np.ndarray, "nodes 2"], force_mm2: Nodal) -> Nodal:
+    """(n, 3) nodal forces over E tangential to the sheet with these slopes, and their z components."""
     along = force_mm2.copy()
-    along[:, :2] += model.patch.slopes(coefficient_mm[:, 2]) * force_mm2[:, 2:]
+    along[:, :2] += slope * force_mm2[:, 2:]
     along[~model.patch.is_free] = 0.0
     return along

@@ -326,7 +326,7 @@ class ParameterResponse:
         """
         weight = fit.posterior.weight.copy()
         weight[is_pressed] = 0.0
-        now = balance(model, fit.shape.coefficient_mm, fit.shape.force_mm2)
+        now = balance(model, fit.shape.slope, fit.shape.force_mm2)
         information = fit.posterior.information
         pull = np.einsum("mij,mj->mi", information, self.image_slope_px)
         is_used = information[:, 0, 0] > 0.0
@@ -363,7 +363,7 @@ def parameter_response(
         image_changes.append(moved)
         stds.append(variant.std_over_step)
         outline_stds.append(variant.outline_std_over_step)
-    balances = [balance(model, coefficient_mm, each) for each in force_changes]
+    balances = [balance(model, shape.slope, each) for each in force_changes]
     gradients = linearisation.gradients(
         np.stack(image_changes), posterior.information, weight * np.stack(balances)
     )
