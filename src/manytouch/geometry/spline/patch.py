@@ -204,8 +204,11 @@ class SplinePatch:
 
     def window(self, point_mm: Float64[np.ndarray, "k 2"]) -> PointWindow:
         """The basis functions at points (k, 2), as factors along both directions."""
-        found = [self._window(axis, point_mm[:, axis]) for axis in self.axes]
-        first, plane, bending = (np.stack(part, axis=1) for part in zip(*found, strict=True))
+        first = np.empty((len(point_mm), 2), dtype=np.int64)
+        table = np.empty((len(point_mm), 2, 4, 8))
+        for number, axis in enumerate(self.axes):
+            first[:, number] = self._window(axis, point_mm[:, axis], table[:, number])
+        plane, bending = np.ascontiguousarray(table[..., :4]), np.ascontiguousarray(table[..., 4:])
         return PointWindow(first=first, plane=plane, bending=bending)
 
     def functions(
@@ -277,26 +280,22 @@ class SplinePatch:
         return np.asarray(table[0, 1:])
 
     def _window(
-        self, axis: int, place_mm: Float64[np.ndarray, " k"]
-    ) -> tuple[Int64[np.ndarray, " k"], Float64[np.ndarray, "k 4 4"], Float64[np.ndarray, "k 4 4"]]:
-        """First of 4 nodes along an axis and both kinds of functions; dropped ones are left out."""
+        self, axis: int, place_mm: Float64[np.ndarray, " k"], table: Float64[np.ndarray, "k 4 8"]
+    ) -> Int64[np.ndarray, " k"]:
+        """First of 4 nodes along an axis; both kinds of functions into `table`. Dropped ones are left out."""
         start, polynomials = self._window_polynomials[axis]
         length, elements = self.size_mm[axis], self.elements[axis]
-        held_mm, knot_mm = (
-            np.clip(place_mm - self.corner_mm[axis], 0.0, length),
-            basis.knots(length, elements),
-        )
-        knot_mm = knot_mm[basis.DEGREE : -basis.DEGREE]
+        held_mm = np.minimum(np.maximum(place_mm - self.corner_mm[axis], 0.0), length)
+        knot_mm = basis.knots(length, elements)[basis.DEGREE : -basis.DEGREE]
         element = np.searchsorted(knot_mm[1:-1], held_mm, side="right")
         per_mm = elements / length
-        s = ((held_mm - knot_mm[element]) * per_mm)[:, None]
-        c0, c1, c2, c3 = np.moveaxis(polynomials[element], 1, 0)
-        table = np.empty((len(element), 4, 8))
-        table[:, 0] = c0 + s * (c1 + s * (c2 + s * c3))
+        s, own = ((held_mm - knot_mm[element]) * per_mm)[:, None], polynomials[element]
+        c1, c2, c3 = own[:, 1], own[:, 2], own[:, 3]
+        table[:, 0] = own[:, 0] + s * (c1 + s * (c2 + s * c3))
         table[:, 1] = (c1 + s * (2.0 * c2 + 3.0 * s * c3)) * per_mm
         table[:, 2] = (2.0 * c2 + 6.0 * s * c3) * per_mm**2
         table[:, 3] = 6.0 * c3 * per_mm**3
-        return start[element], table[:, :, :4], table[:, :, 4:]
+        return np.asarray(start[element])
 
     @cached_property
     def _window_polynomials(
