@@ -26,6 +26,9 @@ _SHEAR = [ESTIMATES.index(name) for name in ("shear_x", "shear_y")]
 _TORQUE = ESTIMATES.index("torque")
 _LINEAR = [number for number in range(len(ESTIMATES)) if number != _AREA]
 """Estimates whose derivatives by the coefficients of the shape are known: all but the area."""
+_ROWS = np.array([2, 2, 0, 1, 2, 1, 0])
+"""Components of the forces whose sums over nodes are x and y of the centre, shear along x and y, normal
+force, and both parts of the torque."""
 _CLAMP_THICKNESSES = 4.0
 """Distance from a clamp, in thicknesses, at which `ModelError.position_clamp` and `force_clamp` apply."""
 _FORCES = [ESTIMATES.index(name) for name in ("shear_x", "shear_y", "normal_force", "torque")]
@@ -180,7 +183,7 @@ class ContactEstimator:
         here_mm = moved_mm[:, 0] + np.column_stack([clusters.centre_mm, np.zeros(count)])
         centre_px = project(model.camera, here_mm)
         slope = face.derivative(fit.shape.coefficient_mm)
-        rows = np.stack([_estimate_rows(model, clusters, number, fit, near) for number in range(count)])
+        rows = _estimate_rows(model, clusters, fit, near)
         point = np.arange(count) * len(_RINGS) + deepest
         rows[np.arange(count)[:, None], _LINEAR.index(_DEPTH), face.node[point]] = -slope[point, 2]
         white = np.zeros((count, len(ESTIMATES), fit.shape.force_mm2.size))
@@ -290,26 +293,25 @@ def _by_parameters(
 
 
 def _estimate_rows(
-    model: InversionModel, clusters: Clusters, number: int, fit: Fit, near: Int64[np.ndarray, " nodes"]
-) -> Float64[np.ndarray, "7 nodes 3"]:
+    model: InversionModel, clusters: Clusters, fit: Fit, near: Int64[np.ndarray, " nodes"]
+) -> Float64[np.ndarray, "c 7 nodes 3"]:
     """Derivatives of the estimates but the area by the coefficients; those of the depth are 0."""
-    force_mm2 = fit.shape.force_mm2
-    inside, around = clusters.label == number, (near == number).astype(np.float64)
-    arm = np.where(inside[:, None], model.nodes.place_mm - clusters.centre_mm[number], 0.0)
-    press_mm2 = clusters.normal_mm2[number]
-    share = (inside & (force_mm2[:, 2] < 0.0)).astype(np.float64)
-    row = fit.posterior.linearisation.force_row
-    return np.stack(
-        [
-            row(-share * arm[:, 0] / press_mm2, 2),
-            row(-share * arm[:, 1] / press_mm2, 2),
-            np.zeros_like(force_mm2),
-            row(around, 0),
-            row(around, 1),
-            row(-share, 2),
-            row(arm[:, 0], 1) - row(arm[:, 1], 0),
-        ]
-    )
+    count, force_z = len(clusters), fit.shape.force_mm2[:, 2]
+    number = np.arange(count)[:, None]
+    inside, around = clusters.label == number, near == number
+    arm = np.where(inside, (model.nodes.place_mm - clusters.centre_mm[:, None]).transpose(2, 0, 1), 0.0)
+    pressed = -(inside & (force_z < 0.0)).astype(np.float64)
+    share = np.empty((count, len(_ROWS), len(force_z)))
+    share[:, 0], share[:, 1] = pressed * arm / clusters.normal_mm2[:, None]
+    share[:, 2] = share[:, 3] = around
+    share[:, 4], share[:, 5], share[:, 6] = pressed, arm[0], arm[1]
+    found = fit.posterior.linearisation.force_rows(
+        share.reshape(-1, len(force_z)), np.tile(_ROWS, count)
+    ).reshape(*share.shape, 3)
+    rows = np.empty_like(found)
+    rows[:, :2], rows[:, 2], rows[:, 3:6] = found[:, :2], 0.0, found[:, 2:5]
+    np.subtract(found[:, 5], found[:, 6], out=rows[:, 6])
+    return rows
 
 
 def nearest_cluster(

@@ -6,7 +6,7 @@ numbers is padding.
 """
 
 import numpy as np
-from jaxtyping import Bool, Float, Float64
+from jaxtyping import Bool, Float, Float64, Int64
 
 from manytouch.compilation import kernel, no_type_check, u64
 
@@ -101,24 +101,33 @@ def products(
 
 @kernel(fastmath=True)
 @no_type_check
-def row_sum(
+def row_sums(
     tangent: Tangent,
     shape: tuple[int, int],
-    share: Float64[np.ndarray, " nodes"],
-    component: int,
-    result: Coefficients,
+    share: Float64[np.ndarray, "k nodes"],
+    component: Int64[np.ndarray, " k"],
+    results: Float64[np.ndarray, "k nodes 3"],
 ) -> None:
-    """Add the sum over nodes of share times the tangent's row of one component to `result`."""
-    for node in range(len(share)):
-        if share[node] == 0.0:
-            continue
-        s0, f0 = node // shape[1], node % shape[1]
-        low, high = max(f0 - REACH, 0), min(f0 + REACH + 1, shape[1])
-        for a in range(max(REACH - s0, 0), min(ROW, shape[0] - s0 + REACH)):
-            start = (s0 + a - REACH) * shape[1]
-            for f in range(low, high):
-                for j in range(3):
-                    result[start + f, j] += share[node] * tangent[node, component, j, a, f - f0 + REACH]
+    """Sums over nodes of shares times the tangent's rows of one component, into `results`."""
+    count, nodes = share.shape
+    apart = np.empty((3, nodes))  # x, y and z apart
+    for k in range(count):
+        apart[:] = 0.0
+        for node in range(nodes):
+            factor = share[k, node]
+            if factor == 0.0:
+                continue
+            s0, f0 = node // shape[1], node % shape[1]
+            low, high = max(REACH - f0, 0), min(ROW, shape[1] - f0 + REACH)
+            for j in range(3):
+                for a in range(max(REACH - s0, 0), min(ROW, shape[0] - s0 + REACH)):
+                    start = node + (a - REACH) * shape[1] - REACH
+                    row = tangent[node, component[k], j, a]
+                    for b in range(low, high):
+                        apart[j, start + b] += factor * row[b]
+        for node in range(nodes):
+            for j in range(3):
+                results[k, node, j] = apart[j, node]
 
 
 @kernel()

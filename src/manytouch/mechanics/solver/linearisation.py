@@ -62,42 +62,46 @@ class Linearisation:
         change[~self.shell.patch.is_free] = 0.0
         return change
 
-    def force_row(self, share: Float64[np.ndarray, " nodes"], component: int) -> Nodal:
-        """Derivative of sum_j share_j f_j,component by the coefficients."""
-        patch, row = self.shell.patch, np.zeros((len(share), 3))
-        free_share = np.where(patch.is_free[:, component], share, 0.0)
-        tangent_kernels.row_sum(self.tangent, patch.shape, free_share, component, row)
-        return row
+    def force_rows(
+        self, share: Float64[np.ndarray, "k nodes"], component: Int64[np.ndarray, " k"]
+    ) -> Float64[np.ndarray, "k nodes 3"]:
+        """Derivatives of k sums sum_j share_kj f_j,component by the coefficients."""
+        patch, rows = self.shell.patch, np.empty((*share.shape, 3))
+        free_share = np.where(patch.is_free.T[component], share, 0.0)
+        tangent_kernels.row_sums(self.tangent, patch.shape, free_share, component, rows)
+        return rows
 
     def balance_rows(
         self, node: Int64[np.ndarray, " k"], component: Int64[np.ndarray, " k"]
     ) -> Float64[np.ndarray, "k nodes 3"]:
         """Derivatives of k free components of `balance` by the coefficients."""
-        patch = self.shell.patch
-        rows, share = np.zeros((len(node), patch.node_count, 3)), np.zeros(patch.node_count)
-        for k, (number, axis) in enumerate(zip(node, component, strict=True)):
-            share[number] = 1.0
-            tangent_kernels.row_sum(self.tangent, patch.shape, share, axis, rows[k])
-            if axis < 2:
-                normal, couple = np.zeros_like(rows[k]), np.zeros((patch.node_count, 2))
-                tangent_kernels.row_sum(self.tangent, patch.shape, share, 2, normal)
-                couple[number, axis] = self.force[number, 2]
-                rows[k] += self.slope[number, axis] * normal
-                rows[k, :, 2] += patch.slope_moments(couple)
-            share[number] = 0.0
-        return rows
+        share = np.zeros((len(node), self.shell.patch.node_count))
+        share[np.arange(len(node)), node] = 1.0
+        rows, tangential = self.force_rows(share, component), np.flatnonzero(component < 2)
+        rows[tangential] += self._by_slopes(share[tangential], component[tangential])
+        return np.asarray(rows)
 
-    def tangential_gradient(self, weighted: Float64[np.ndarray, " nodes"], component: int) -> Nodal:
-        """`balance_gradients` of one tangential component (nodes,), fast where few nodes are not 0."""
-        patch, gradient = self.shell.patch, np.zeros((len(weighted), 3))
-        share = np.where(patch.is_free[:, component], weighted, 0.0)
-        couple = np.zeros((len(weighted), 2))
-        couple[:, component] = self.force[:, 2] * share
-        tangent_kernels.row_sum(self.tangent, patch.shape, share, component, gradient)
-        tangent_kernels.row_sum(self.tangent, patch.shape, self.slope[:, component] * share, 2, gradient)
-        gradient[:, 2] += patch.slope_moments(couple)
-        gradient[~patch.is_free] = 0.0
-        return gradient
+    def tangential_gradients(
+        self, weighted: Float64[np.ndarray, "k nodes"], component: Int64[np.ndarray, " k"]
+    ) -> Float64[np.ndarray, "k nodes 3"]:
+        """`balance_gradients` of one tangential component each (k, nodes), fast where few nodes are not 0."""
+        gradients = self._by_slopes(weighted, component)
+        gradients += self.force_rows(weighted, component)
+        gradients[:, ~self.shell.patch.is_free] = 0.0
+        return gradients
+
+    def _by_slopes(
+        self, share: Float64[np.ndarray, "k nodes"], component: Int64[np.ndarray, " k"]
+    ) -> Float64[np.ndarray, "k nodes 3"]:
+        """Derivatives of k sums sum_j share_kj w,component f_w over nodes j, for components 0 and 1."""
+        patch = self.shell.patch
+        shares = np.where(patch.is_free.T[component], share, 0.0)
+        rows = self.force_rows(self.slope.T[component] * shares, np.full(len(shares), 2))
+        for row, each, axis in zip(rows, shares, component, strict=True):
+            couple = np.zeros((patch.node_count, 2))
+            couple[:, axis] = self.force[:, 2] * each
+            row[:, 2] += patch.slope_moments(couple)
+        return rows
 
     def balance_gradients(
         self, weighted_balance: Float64[np.ndarray, "k nodes 3"]

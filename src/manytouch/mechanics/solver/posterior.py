@@ -207,8 +207,8 @@ class Posterior:
         return self.workspace.kept(name, share, lambda: self._force_std(share, component))
 
     def _force_std(self, share: Float64[np.ndarray, "k nodes"], component: int) -> Float64[np.ndarray, " k"]:
-        rows = np.stack([self.linearisation.force_row(each, component).ravel() for each in share])
-        return read_only(np.linalg.norm(self.factor.whiten(rows), axis=1))
+        rows = self.linearisation.force_rows(share, np.full(len(share), component))
+        return read_only(np.linalg.norm(self.factor.whiten(rows.reshape(len(share), -1)), axis=1))
 
     def solve(self, right: Float64[np.ndarray, "k nodes 3"]) -> Float64[np.ndarray, "k nodes 3"]:
         """H^-1 times each right-hand side."""

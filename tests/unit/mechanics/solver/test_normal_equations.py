@@ -115,7 +115,8 @@ def test_force_rows_are_derivatives_of_forces(dots: MarkerImages, bent_mm: np.nd
     way = np.random.default_rng(3).normal(size=bent_mm.shape) * free
     share = np.random.default_rng(8).uniform(size=len(bent_mm)) * free[:, 2]
     change = here.force_change(way)[:, 2]
-    assert (here.force_row(share, 2) * way).sum() == pytest.approx(share @ change, rel=1e-9)
+    row = here.force_rows(share[None], np.array([2]))[0]
+    assert (row * way).sum() == pytest.approx(share @ change, rel=1e-9)
 
 
 def test_balance_rows_are_derivatives_of_the_balance(dots: MarkerImages, bent_mm: np.ndarray) -> None:
@@ -136,7 +137,7 @@ def test_the_gradient_of_one_tangential_component_is_that_of_the_balance(
     for component in (0, 1):
         whole = np.zeros_like(bent_mm)
         whole[:, component] = few
-        found = linearisation.tangential_gradient(few, component)
+        found = linearisation.tangential_gradients(few[None], np.array([component]))[0]
         expected = linearisation.balance_gradients(whole[None])[0]
         np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
 
@@ -171,7 +172,7 @@ def test_standard_deviations_of_forces(dots: MarkerImages, bent_mm: np.ndarray) 
     here = equations(dots).linearise(bent_mm)
     posterior = equations(dots).solve(here, *problem(dots))
     share = np.random.default_rng(8).uniform(size=(2, len(bent_mm)))
-    rows = np.stack([here.force_row(each, 2) for each in share])
+    rows = here.force_rows(share, np.full(len(share), 2))
     np.testing.assert_allclose(
         posterior.force_std(share, 2) ** 2, np.diag(covariance(posterior, rows)), rtol=1e-9
     )

@@ -86,9 +86,8 @@ class FrictionFits:
         press_mm2 = np.where(inside, np.maximum(-force_mm2[:, 2], 0.0), 0.0)
         weight = posterior.weight[:, :2] * is_free[:, :2]
         weighted = np.einsum("nc,kn->kcn", weight, press_mm2)  # by contact and axis
-        pull = np.stack(
-            [linearisation.tangential_gradient(each[axis], axis) for each in weighted for axis in range(2)]
-        )
+        axes = np.tile(np.arange(2), count)
+        pull = linearisation.tangential_gradients(weighted.reshape(2 * count, -1), axes)
         gradient = linearisation.gradient(
             fit.residual_px, posterior.information, posterior.weight * fit.balance_mm2
         )

@@ -147,7 +147,7 @@ def test_more_is_uncertain_with_friction(start, coefficient_mm) -> None:
     fits = Kept()
     contacts_of(start, coefficient_mm, fits)
     (fit, *_), friction = fits.calls[-1]
-    rows = fit.posterior.linearisation.force_row(np.ones(len(fit.balance_mm2)), 0)[None]
+    rows = fit.posterior.linearisation.force_rows(np.ones((1, len(fit.balance_mm2))), np.array([0]))
     added = friction.covariance(fit.posterior.whiten(rows)[None])[0, 0, 0]
     assert added > 0.0
     changes_mm = fit.posterior.colour(friction.white)
