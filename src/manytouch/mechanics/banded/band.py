@@ -1,7 +1,9 @@
 """Symmetric positive definite band matrices: factor, solve, covariances, by LAPACK."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from jaxtyping import Float, Float64
@@ -42,7 +44,7 @@ class BandFactor:
 
     def solve(self, right: Float64[np.ndarray, "k n"]) -> Float64[np.ndarray, "k n"]:
         """H^-1 times each row of `right`."""
-        (solve,) = get_lapack_funcs(("pbtrs",), (self.lower,))
+        solve = _lapack("pbtrs", self.lower.dtype)
         solution, _ = solve(self.lower.T, np.asfortranarray(right.T, dtype=self.lower.dtype), lower=1)
         return np.ascontiguousarray(solution.T, dtype=np.float64)
 
@@ -50,7 +52,7 @@ class BandFactor:
         """L^-1 times each row: scalar products of the results are right H^-1 right^T."""
         if len(right) >= _MANY:
             return self.whiten_many(right)
-        (solve,) = get_lapack_funcs(("tbtrs",), (self.lower,))
+        solve = _lapack("tbtrs", self.lower.dtype)
         result, first = np.zeros_like(right), _first_not_zero(right)
         if first < right.shape[1]:
             part = np.asfortranarray(right[:, first:].T, dtype=self.lower.dtype)
@@ -59,27 +61,37 @@ class BandFactor:
 
     def whiten_many(self, right: Float64[np.ndarray, "k n"]) -> Float64[np.ndarray, "k n"]:
         """As `whiten`, faster for many rows; each is rounded as it would be without the others."""
+        parts = [right[start : start + LANES] for start in range(0, len(right), LANES)]
+        lanes = np.zeros((len(parts), right.shape[1], LANES), self.lower.dtype)
+        for group, part in zip(lanes, parts, strict=True):
+            group[:, : len(part)] = part.T
+        if parts:
+            substitute(self.lower, np.array([_first_not_zero(part) for part in parts]), lanes)
         result = np.empty_like(right)
-        for start in range(0, len(right), LANES):
-            part = right[start : start + LANES]
-            lanes = np.zeros((right.shape[1], LANES), self.lower.dtype)
-            lanes[:, : len(part)] = part.T
-            substitute(self.lower, _first_not_zero(part), lanes)
-            result[start : start + len(part)] = lanes[:, : len(part)].T
+        for group, start in zip(lanes, range(0, len(right), LANES), strict=True):
+            result[start : start + LANES] = group[:, : len(right) - start].T
         return result
 
     def colour(self, normal: Float64[np.ndarray, "k n"]) -> Float64[np.ndarray, "k n"]:
         """L^-T times each row: independent normal numbers get the covariance H^-1."""
-        (solve,) = get_lapack_funcs(("tbtrs",), (self.lower,))
+        solve = _lapack("tbtrs", self.lower.dtype)
         right = np.asfortranarray(normal.T, dtype=self.lower.dtype)
         solution, _ = solve(self.lower.T, right, uplo="L", trans="T")
         return np.ascontiguousarray(solution.T, dtype=np.float64)
 
 
+@cache
+def _lapack(name: str, precision: np.dtype[Any]) -> Callable[..., Any]:
+    """A function of LAPACK."""
+    (found,) = get_lapack_funcs((name,), dtype=precision)
+    return cast(Callable[..., Any], found)
+
+
 def _first_not_zero(right: Float64[np.ndarray, "k n"]) -> int:
     """First column that is not 0 in all rows; the number of columns if there is none."""
-    is_used = right.any(axis=0)
-    return int(is_used.argmax()) if is_used.any() else right.shape[1]
+    is_used = right != 0.0
+    first = is_used.argmax(axis=1)
+    return int(first[is_used[np.arange(len(right)), first]].min(initial=right.shape[1]))
 
 
 def new_band(unknowns: int, width: int, precision: type[np.floating]) -> Band:
