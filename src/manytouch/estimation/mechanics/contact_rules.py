@@ -178,10 +178,11 @@ def _sums_mm2(
 
 def significant(clusters: Clusters, fit: Fit, least_stds: float) -> tuple[Clusters, Scalars]:
     """Clusters whose normal force has at least so many standard deviations, and these numbers (c,)."""
-    inside = clusters.label == np.arange(len(clusters))[:, None]
     std_mm2 = np.sqrt(clusters.covariance[:, 0, 0])
-    is_open = ~np.isfinite(std_mm2)
-    std_mm2[is_open] = fit.posterior.force_std(inside[is_open].astype(np.float64), 2)
+    unknown = np.flatnonzero(~np.isfinite(std_mm2))
+    if len(unknown) > 0:
+        inside = clusters.label == unknown[:, None]
+        std_mm2[unknown] = fit.posterior.force_std(inside.astype(np.float64), 2)
     stds = clusters.normal_mm2 / np.maximum(std_mm2, np.finfo(np.float64).tiny)
     chosen = np.flatnonzero(stds >= least_stds)
     if len(chosen) == len(clusters):

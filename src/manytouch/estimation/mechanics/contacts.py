@@ -22,6 +22,7 @@ from manytouch.values import ESTIMATES, Contact
 _AREA, _DEPTH = ESTIMATES.index("area"), ESTIMATES.index("depth")
 _FITTED = [ESTIMATES.index(name) for name in ("normal_force", "x", "y")]
 """Estimates that are those of a fitted patch, in the order of `Clusters.covariance`."""
+_FITTED_PAIRS = np.ix_(_FITTED, _FITTED)
 _SHEAR = [ESTIMATES.index(name) for name in ("shear_x", "shear_y")]
 _TORQUE = ESTIMATES.index("torque")
 _LINEAR = [number for number in range(len(ESTIMATES)) if number != _AREA]
@@ -250,7 +251,7 @@ class ContactEstimator:
             scale[_FITTED] = np.sqrt(np.diag(fitted) / np.maximum(np.diag(marker_covariance)[_FITTED], 1e-12))
             marker_covariance = marker_covariance * np.outer(scale, scale)
         covariance = marker_covariance + np.diag(variance)
-        covariance[np.ix_(_FITTED, _FITTED)] += clusters.sheet_covariance[number, :3, :3]
+        covariance[_FITTED_PAIRS] += clusters.sheet_covariance[number, :3, :3]
         covariance[_AREA, _AREA] += footprint.area_std_mm2**2
         # an error of E scales all forces alike
         scaled = np.zeros(len(ESTIMATES))

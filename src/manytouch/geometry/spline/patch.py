@@ -356,6 +356,15 @@ class SplinePatch:
         found = slow_slope.T @ about[:, :, 0] @ fast + slow.T @ about[:, :, 1] @ fast_slope
         return np.asarray(found.ravel())
 
+    def slope_moments_along(
+        self, axis: int, couple: Float64[np.ndarray, "k nodes"]
+    ) -> Float64[np.ndarray, "k nodes"]:
+        """`slope_moments` of k couples along x (0) or y (1) only."""
+        slow, slow_slope, fast, fast_slope = self._at_nodes
+        is_slow = self.is_x_slow == (axis == 0)
+        left, right = (slow_slope, fast) if is_slow else (slow, fast_slope)
+        return np.asarray((left.T @ couple.reshape(-1, *self.shape) @ right).reshape(couple.shape))
+
     def load(self, point_mm: Float64[np.ndarray, "k 2"], force: Float64[np.ndarray, "k 3"]) -> Nodal:
         """Nodal forces (nodes, 3) that are equivalent to forces at points."""
         points = self.at(point_mm)

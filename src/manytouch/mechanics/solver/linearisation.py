@@ -97,10 +97,9 @@ class Linearisation:
         patch = self.shell.patch
         shares = np.where(patch.is_free.T[component], share, 0.0)
         rows = self.force_rows(self.slope.T[component] * shares, np.full(len(shares), 2))
-        for row, each, axis in zip(rows, shares, component, strict=True):
-            couple = np.zeros((patch.node_count, 2))
-            couple[:, axis] = self.force[:, 2] * each
-            row[:, 2] += patch.slope_moments(couple)
+        for axis in range(2):
+            own = np.flatnonzero(component == axis)
+            rows[own, :, 2] += patch.slope_moments_along(axis, self.force[:, 2] * shares[own])
         return rows
 
     def balance_gradients(
@@ -109,11 +108,11 @@ class Linearisation:
         """Half the gradients of k sums of weight (T f)^2, for weight times T f; 0 if not free."""
         patch = self.shell.patch
         weighted = np.where(patch.is_free, weighted_balance, 0.0)
-        across = weighted.copy()
-        across[:, :, 2] += self.slope[:, 0] * weighted[:, :, 0] + self.slope[:, 1] * weighted[:, :, 1]
-        gradients = self.shell.products(self.tangent, across)
-        for gradient, each in zip(gradients, weighted, strict=True):
-            gradient[:, 2] += patch.slope_moments(self.force[:, 2:] * each[:, :2])
+        couples = self.force[:, 2:] * weighted[:, :, :2]
+        weighted[:, :, 2] += self.slope[:, 0] * weighted[:, :, 0] + self.slope[:, 1] * weighted[:, :, 1]
+        gradients = self.shell.products(self.tangent, weighted)
+        for gradient, couple in zip(gradients, couples, strict=True):
+            gradient[:, 2] += patch.slope_moments(couple)
         gradients[:, ~patch.is_free] = 0.0
         return gradients
 

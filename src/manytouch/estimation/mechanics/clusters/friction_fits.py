@@ -85,7 +85,7 @@ class FrictionFits:
         inside = clusters.label == np.arange(count)[:, None]
         press_mm2 = np.where(inside, np.maximum(-force_mm2[:, 2], 0.0), 0.0)
         weight = posterior.weight[:, :2] * is_free[:, :2]
-        weighted = np.einsum("nc,kn->kcn", weight, press_mm2)  # by contact and axis
+        weighted = weight.T * press_mm2[:, None]  # by contact and axis
         axes = np.tile(np.arange(2), count)
         pull = linearisation.tangential_gradients(weighted.reshape(2 * count, -1), axes)
         gradient = linearisation.gradient(

@@ -40,7 +40,7 @@ class ForceNodes:
             slope: (nodes, 2) of the deflection along x and y.
             std_px: standard deviation of the marker images along an axis.
         """
-        growth = 1.0 + self.stiffening * float(np.square(slope).sum(axis=1).mean())
+        growth = 1.0 + self.stiffening * float(np.vdot(slope, slope)) / len(slope)
         return self.seen_mm2_per_px * std_px * growth
 
 

@@ -127,12 +127,13 @@ class Ellipse:
         size, axes = np.linalg.eigh(moment_mm2)
         size, axes = np.maximum(size[::-1], 0.0), axes[:, ::-1]
         angle_rad = float(np.arctan2(axes[1, 0], axes[0, 0]))
-        weight = np.stack([axes[0] ** 2, 2.0 * axes[0] * axes[1], axes[1] ** 2], axis=1)
-        variance = np.einsum("ai,ij,aj->a", weight, covariance_mm4, weight)
+        weight = np.array([axes[0] ** 2, 2.0 * axes[0] * axes[1], axes[1] ** 2])
+        variance = (covariance_mm4 @ weight * weight).sum(axis=0)
         wider = np.sqrt(size + np.sqrt(np.maximum(variance, 0.0)))  # finite also where the size is 0
+        root = np.sqrt(size)
         return Ellipse(
-            half_mm=2.0 * np.sqrt(size),
-            half_std_mm=np.maximum(2.0 * (wider - np.sqrt(size)), _SMALLEST_MM),
+            half_mm=2.0 * root,
+            half_std_mm=np.maximum(2.0 * (wider - root), _SMALLEST_MM),
             angle_rad=angle_rad - np.pi * float(np.ceil(angle_rad / np.pi - 0.5)),
         )
 
@@ -145,7 +146,8 @@ class Ellipse:
 
 def _about_area(half_mm: Float64[np.ndarray, "2"], std_mm: float) -> float:
     """About the area of the region of an ellipse, for deviations; exact for a point."""
-    return float(np.pi * np.prod(np.hypot(half_mm, POINT_STDS * std_mm)))
+    first, second = np.hypot(half_mm, POINT_STDS * std_mm)
+    return float(np.pi * (first * second))
 
 
 def _footprint(
