@@ -325,8 +325,10 @@ def nearest_cluster(
         return near
     place, reach = nodes.place_mm / nodes.element_mm, reach_elements + 1e-3
     own = place[labelled]
-    may_be = ((place >= own.min(axis=0) - reach) & (place <= own.max(axis=0) + reach)).all(axis=1)
-    free = np.flatnonzero(may_be & model.patch.is_free[:, 0] & ~model.is_excluded)
+    may_be = model.patch.is_free[:, 0] & ~model.is_excluded
+    for along, own_along in zip(place.T, own.T, strict=True):
+        may_be &= (along >= own_along.min() - reach) & (along <= own_along.max() + reach)
+    free = np.flatnonzero(may_be)
     away, which = cKDTree(own).query(place[free], distance_upper_bound=reach)
     is_near = np.isfinite(away)
     near[free[is_near]] = clusters.label[labelled[which[is_near]]]

@@ -254,7 +254,7 @@ class MechanicsEstimator:
         """The shape of the sheet in the next frame."""
         measured_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
         shape_px, is_used = state.shape.displacement_px, state.is_at_clamp & grid.is_seen
-        for chosen in state.model.dots.of_views:
+        for chosen in state.model.dots.part_of_views:
             measured_px[chosen] -= self.view_motion(
                 state.initial_reference_px[chosen], measured_px[chosen], shape_px[chosen], is_used[chosen]
             )

@@ -125,6 +125,11 @@ class MarkerImages:
         return tuple(number == index for index in range(len(self._cameras)))
 
     @cached_property
+    def part_of_views(self) -> tuple[Mask | slice, ...]:
+        """Indices of the markers of each camera: `of_views`, or a slice of all of them."""
+        return self.of_views if len(self.of_views) > 1 else (slice(None),)
+
+    @cached_property
     def face(self) -> Face:
         """The camera-side face at the markers."""
         return Face(shell=self.shell, point_mm=np.ascontiguousarray(self.rest_mm[:, :2]))

@@ -125,15 +125,18 @@ class Shell:
         tangent[p, i, j, a, b] = d force[p, i] / d coefficient[q, j], where node q lies a - 3 further
         along the slow and b - 3 further along the fast axis.
         """
-        force[:] = self._products.forces(coefficient_mm, self._stiffness)
+        force[:] = self.forces(coefficient_mm)
+        self.tangent_at(coefficient_mm, tangent)
+
+    def tangent_at(self, coefficient_mm: Nodal, tangent: np.ndarray) -> None:
+        """The tangent of `forces_and_tangent` alone."""
         tangent_assembly.assemble(read_only_view(coefficient_mm), self._elements, self._stiffness, tangent)
-        self._add_boundary_forces(coefficient_mm, force)
         middle = tangent_kernels.REACH
         for i in range(3):
             tangent[:, i, i, middle, middle] += self._spring_mm
         node, slow, fast, stiffness = self._end_stencil
         tangent[node, 2, 2, slow, fast] += stiffness
-        tangent_kernels.fix(self.patch.is_free, self.patch.shape, force, tangent)
+        tangent_kernels.fix(self.patch.is_free, self.patch.shape, tangent)
 
     def empty_tangent(self, precision: type[np.floating] = np.float64) -> Float[np.ndarray, "nodes 3 3 7 8"]:
         """Memory for a tangent, whose precision is that of all matrix operations on it."""

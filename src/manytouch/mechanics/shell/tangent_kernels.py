@@ -35,16 +35,13 @@ def clear_outside(shape: tuple[int, int], tangent: Tangent) -> None:
 
 @kernel(fastmath=True)
 @no_type_check
-def fix(
-    is_free: Bool[np.ndarray, "nodes 3"], shape: tuple[int, int], force: Coefficients, tangent: Tangent
-) -> None:
-    """Set forces on fixed unknowns and their rows and columns of the tangent to 0."""
+def fix(is_free: Bool[np.ndarray, "nodes 3"], shape: tuple[int, int], tangent: Tangent) -> None:
+    """Set rows and columns of fixed unknowns of the tangent to 0."""
     for node in range(len(is_free)):
         s0, f0 = node // shape[1], node % shape[1]
         for i in range(3):
             if is_free[node, i]:
                 continue
-            force[node, i] = 0.0
             for j in range(3):
                 tangent[node, i, j] = 0.0
             for a in range(ROW):

@@ -43,18 +43,20 @@ class NormalEquations:
             is_clamped = self.shell.patch.boundary == "clamped"
             object.__setattr__(self, "precision", np.float32 if is_clamped else np.float64)
 
-    def linearise(self, coefficient_mm: Nodal) -> Linearisation:
-        """Forces, marker images and their derivatives at coefficients (nodes, 3)."""
+    def linearise(self, coefficient_mm: Nodal, force: Nodal | None = None) -> Linearisation:
+        """Forces, marker images and their derivatives at coefficients (nodes, 3).
+
+        `force` is `Shell.forces` of these coefficients, if they are known.
+        """
         patch = self.shell.patch
-        force = np.empty((patch.node_count, 3))
         tangent = self.shell.empty_tangent(self._precision)
-        self.shell.forces_and_tangent(coefficient_mm, force, tangent)
+        self.shell.tangent_at(coefficient_mm, tangent)
         derivative = self.dots.derivative_px(coefficient_mm)
         derivative *= patch.is_free[self.dots.tips.basis.node][:, None]
         return Linearisation(
             shell=self.shell,
             dots=self.dots,
-            force=force,
+            force=self.shell.forces(coefficient_mm) if force is None else force.copy(),
             tangent=tangent,
             slope=patch.slopes(coefficient_mm[:, 2]),
             derivative=derivative,

@@ -23,7 +23,7 @@ from manytouch.estimation.mechanics.clusters.evidence import Evidence, EvidenceA
 from manytouch.estimation.mechanics.clusters.face_fits import fit_bar, fit_elliptic_face
 from manytouch.estimation.mechanics.clusters.fitted_patches import PAIR_PARAMETERS, PairFit, PatchFit
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
-from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes, smooth
+from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes
 from manytouch.geometry.spline.patch import Nodal, SplinePatch
 from manytouch.values.arrays import Mask, Points2
 
@@ -157,7 +157,7 @@ class ModelOrder:
         share, place = press_mm2[is_counted] / total_mm2, nodes.place_mm[is_counted]
         centre = share @ place
         arm = place - centre
-        inside = np.einsum("n,ni,nj->ij", share, arm, arm) - np.diag(nodes.own_spread_mm2)
+        inside = (share * arm.T) @ arm - np.diag(nodes.own_spread_mm2)
         size, axes = np.linalg.eigh(inside)
         variance_mm2, axis = max(float(size[0]), 0.0), axes[:, 1]
         excess_mm2 = float(size[1]) - variance_mm2
@@ -254,13 +254,16 @@ def _nearest(
 
 def _around(nodes: ForceNodes, is_chosen: Mask) -> Mask:
     """(n,) chosen nodes and their neighbours."""
-    return np.asarray(smooth(is_chosen.reshape(nodes.shape).astype(np.float64)).ravel() > 0.0)
+    wide = np.zeros((nodes.shape[0] + 2, nodes.shape[1] + 2), dtype=np.bool_)
+    wide[1:-1, 1:-1] = is_chosen.reshape(nodes.shape)
+    rows = wide[:-2] | wide[1:-1] | wide[2:]
+    return np.asarray((rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]).ravel())
 
 
 def _under(nodes: ForceNodes, clusters: Clusters, number: int) -> Mask:
     """(n,) nodes whose basis functions are not 0 at the centre of a cluster."""
-    away = np.abs(nodes.place_mm - clusters.centre_mm[number]) / nodes.element_mm
-    return np.asarray((away < 2.0).all(axis=1))
+    is_near = np.abs(nodes.place_mm - clusters.centre_mm[number]) / nodes.element_mm < 2.0
+    return np.asarray(is_near[:, 0] & is_near[:, 1])
 
 
 def _count_within(clusters: Clusters, number: int, place_mm: Float64[np.ndarray, "k 2"]) -> int:

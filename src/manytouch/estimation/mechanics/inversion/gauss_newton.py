@@ -196,7 +196,7 @@ class GaussNewton:
         steps, status = 0, Status.OK
         while True:
             weight = self.weights(model, here.shape, noise, here.usual_std_px)
-            linearisation = model.normal_equations.linearise(here.shape.coefficient_mm)
+            linearisation = model.normal_equations.linearise(here.shape.coefficient_mm, here.shape.force_mm2)
             posterior = model.normal_equations.solve(
                 linearisation, here.residual_px, here.information, weight
             )
