@@ -55,14 +55,15 @@ class ViewMotion:
         """
         if is_used.sum() < self.min_markers:
             return np.zeros_like(rest_px)
-        centre_px = rest_px[is_used].mean(axis=0)
-        design, change = _rigid(rest_px[is_used] - centre_px), (moved_px - shape_px)[is_used]
-        terms = np.column_stack([design, shape_px[is_used].ravel()])
+        whole = _rigid(rest_px - rest_px[is_used].mean(axis=0))
+        design, change = whole[is_used].reshape(-1, 4), (moved_px - shape_px)[is_used]
+        terms = np.empty((len(design), 5))
+        terms[:, :4], terms[:, 4] = design, shape_px[is_used].ravel()
         found = _robust_fit(terms, change, self.scale_stds, self.iterations)
         explained = float(np.square(design @ found[:4]).sum())
         left = float(np.square(change.ravel() - terms @ found).sum())
         share = max(1.0 - left / max(explained, 1e-12), 0.0)
-        return np.asarray(share * (_rigid(rest_px - centre_px) @ found[:4]).reshape(-1, 2))
+        return np.asarray(share * (whole @ found[:4]))
 
 
 def _robust_fit(
@@ -82,10 +83,10 @@ def _robust_fit(
     return found
 
 
-def _rigid(arm_px: Points2) -> Float64[np.ndarray, "rows 4"]:
-    """Derivatives of the displacements (2 m,) by shift along x and y, rotation, and scale."""
+def _rigid(arm_px: Points2) -> Float64[np.ndarray, "n 2 4"]:
+    """Derivatives of the displacements (m, 2) by shift along x and y, rotation, and scale."""
     design = np.zeros((len(arm_px), 2, 4))
     design[:, 0, 0] = design[:, 1, 1] = 1.0
     design[:, 0, 2], design[:, 1, 2] = -arm_px[:, 1], arm_px[:, 0]
     design[:, :, 3] = arm_px
-    return design.reshape(-1, 4)
+    return design

@@ -78,7 +78,8 @@ class Linearisation:
         share = np.zeros((len(node), self.shell.patch.node_count))
         share[np.arange(len(node)), node] = 1.0
         rows, tangential = self.force_rows(share, component), np.flatnonzero(component < 2)
-        rows[tangential] += self._by_slopes(share[tangential], component[tangential])
+        if len(tangential) > 0:
+            rows[tangential] += self._by_slopes(share[tangential], component[tangential])
         return np.asarray(rows)
 
     def tangential_gradients(

@@ -46,7 +46,10 @@ class WhiteRows:
             self._rows[self._count : end] = white
             self._row_of[new] = np.arange(self._count, end)
             self._count = end
-        return np.asarray(self._rows[self._row_of[number], first:])
+        row = self._row_of[number]
+        if len(row) > 0 and (np.diff(row) == 1).all():
+            return self._rows[row[0] : row[-1] + 1, first:]
+        return np.asarray(self._rows[row, first:])
 
     def first(self, number: Int64[np.ndarray, " k"]) -> int:
         """An unknown before which all of these rows are 0."""

@@ -147,7 +147,7 @@ class ModelOrder:
                     evidence.combinations.node, best.nodal_mm2
                 )
         order = np.argsort(-result.normal_mm2, kind="stable")
-        return result.select(order)
+        return result if (np.diff(order) > 0).all() else result.select(order)
 
     def _propose(
         self, nodes: ForceNodes, press_mm2: np.ndarray, is_counted: Mask, limit: float
