@@ -105,8 +105,8 @@ def missing_depth(
         table_per_mm: depth per force.
     """
     found = np.zeros(len(place))
-    mixed = np.empty((_STEPS, _STEPS))
     first, part, sign = np.empty(2, np.int64), np.empty(2), np.empty(2)
+    share, mixed = np.empty((2, 2)), np.empty((2, 2))  # of the tables at the four nearest offsets; their sum
     for k in range(len(force_at)):
         for axis in range(2):
             inside = force_at[k, axis] - np.floor(force_at[k, axis])
@@ -114,19 +114,25 @@ def missing_depth(
             offset = (1.0 - inside if inside > 0.5 else inside) * 2.0 * (_OFFSETS - 1)
             first[axis] = min(int(offset), _OFFSETS - 2)
             part[axis] = offset - first[axis]
-        mixed[:] = 0.0
         for i in range(2):
             for j in range(2):
-                share = abs(1 - i - part[0]) * abs(1 - j - part[1]) * force_mm2[k]
-                mixed += share * table_per_mm[first[0] + i, first[1] + j]
+                share[i, j] = abs(1 - i - part[0]) * abs(1 - j - part[1]) * force_mm2[k]
+        near = table_per_mm[first[0] : first[0] + 2, first[1] : first[1] + 2]
         for m in range(len(place)):
             x = (sign[0] * (place[m, 0] - force_at[k, 0]) / _REACH + 1.0) * 0.5 * (_STEPS - 1)
             y = (sign[1] * (place[m, 1] - force_at[k, 1]) / _REACH + 1.0) * 0.5 * (_STEPS - 1)
             if 0.0 <= x <= _STEPS - 1 and 0.0 <= y <= _STEPS - 1:
                 i, j = min(int(x), _STEPS - 2), min(int(y), _STEPS - 2)
                 x, y = x - i, y - j
-                found[m] += (1.0 - x) * ((1.0 - y) * mixed[i, j] + y * mixed[i, j + 1])
-                found[m] += x * ((1.0 - y) * mixed[i + 1, j] + y * mixed[i + 1, j + 1])
+                for a in range(2):
+                    for b in range(2):
+                        total = (
+                            share[0, 0] * near[0, 0, i + a, j + b] + share[0, 1] * near[0, 1, i + a, j + b]
+                        )
+                        total += share[1, 0] * near[1, 0, i + a, j + b]
+                        mixed[a, b] = total + share[1, 1] * near[1, 1, i + a, j + b]
+                found[m] += (1.0 - x) * ((1.0 - y) * mixed[0, 0] + y * mixed[0, 1])
+                found[m] += x * ((1.0 - y) * mixed[1, 0] + y * mixed[1, 1])
     return found
 
 
