@@ -183,10 +183,10 @@ class ContactEstimator:
         deepest = np.argmin(moved_mm[:, :, 2], axis=1)
         here_mm = moved_mm[:, 0] + np.column_stack([clusters.centre_mm, np.zeros(count)])
         centre_px = project(model.camera, here_mm)
-        slope = face.derivative(fit.shape.coefficient_mm)
         rows = _estimate_rows(model, clusters, fit, near)
         point = np.arange(count) * len(_RINGS) + deepest
-        rows[np.arange(count)[:, None], _LINEAR.index(_DEPTH), face.node[point]] = -slope[point, 2]
+        slope = face.derivative_at(point, fit.shape.coefficient_mm)[:, 2]
+        rows[np.arange(count)[:, None], _LINEAR.index(_DEPTH), face.node[point]] = -slope
         white = np.zeros((count, len(ESTIMATES), fit.shape.force_mm2.size))
         white[:, _LINEAR] = fit.posterior.whiten(rows.reshape(-1, *fit.shape.force_mm2.shape)).reshape(
             count, len(_LINEAR), -1

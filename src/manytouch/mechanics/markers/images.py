@@ -49,9 +49,22 @@ class Face:
 
     def derivative(self, coefficient_mm: Nodal) -> Float64[np.ndarray, "k 3 16 3"]:
         """Derivative of `displacement` by the coefficients of `basis.node`."""
-        out = np.empty((len(self.point_mm), 3, 16, 3))
+        return self._derivative(coefficient_mm, self._places)
+
+    def derivative_at(
+        self, number: Int64[np.ndarray, " n"], coefficient_mm: Nodal
+    ) -> Float64[np.ndarray, "n 3 16 3"]:
+        """`derivative` at the points with these numbers."""
+        return self._derivative(
+            coefficient_mm, marker_kernels.Places(*(part[number] for part in self._places))
+        )
+
+    def _derivative(
+        self, coefficient_mm: Nodal, places: marker_kernels.Places
+    ) -> Float64[np.ndarray, "n 3 16 3"]:
+        out = np.empty((len(places.first), 3, 16, 3))
         spline = _spline_field(self.shell.patch, coefficient_mm)
-        marker_kernels.face_derivatives(spline, self._places, _layer(self.shell, self.height_mm), out)
+        marker_kernels.face_derivatives(spline, places, _layer(self.shell, self.height_mm), out)
         return out
 
     @cached_property
