@@ -123,7 +123,7 @@ class ContactTracker:
         found: Sequence[Contact],
         *,
         may_start: Sequence[bool] | None = None,
-        is_loaded: Callable[[Points2], Mask] | None = None,
+        is_loaded: Callable[[Contact], bool] | None = None,
         status: Status = Status.OK,
     ) -> tuple[ContactTrackerState, Contacts]:
         """Identifies the contacts of the next frame.
@@ -134,9 +134,9 @@ class ContactTracker:
                 continues the contact that was found with it in the last frame.
             may_start: which of them are clear enough to start a contact; the others only continue one.
                 None: all.
-            is_loaded: of sheet coordinates (k, 2) in mm, whether something may still load the sheet there.
-                A contact that is not found ends at once where this is False. None: True everywhere. It is
-                called only if the status is "ok".
+            is_loaded: of a contact of an earlier frame, whether something may still load the sheet there. A
+                contact that is not found ends at once if this is False. None: always True. It is called only
+                if the status is "ok".
             status: of the frame; unless it is "ok" no contact ends because it is not found, for up to
                 ten times `bridge_frames`.
 
@@ -216,14 +216,14 @@ class ContactTracker:
         return replace(track, contact=replace(contact, id=next_id, phase=Phase.START)), next_id + 1
 
     def _may_last(
-        self, track: ContactTrack, is_loaded: Callable[[Points2], Mask] | None, status: Status
+        self, track: ContactTrack, is_loaded: Callable[[Contact], bool] | None, status: Status
     ) -> bool:
         """Whether a contact that was not found in this frame can still be there."""
         if status is not Status.OK:
             return track.unseen < _UNUSABLE_FRAMES * self.bridge_frames
         if track.unseen >= self.bridge_frames:
             return False
-        return is_loaded is None or bool(is_loaded(track.contact.centre_mm[None, :])[0])
+        return is_loaded is None or is_loaded(track.contact)
 
     def _is_absorbed(
         self,

@@ -39,7 +39,7 @@ from manytouch.values import (
     Surface,
     TrackedGrid,
 )
-from manytouch.values.arrays import Covariances2, Mask, Points2, Scalars, read_only
+from manytouch.values.arrays import Covariances2, Points2, Scalars, read_only
 from manytouch.values.surface import INVERSE_DISTANCE, Interpolation
 
 CONFIRMED_AT_ONCE = ContactTracker(confirm_frames=1)
@@ -165,10 +165,10 @@ class PaperEstimation:
         least_mm = self.contact_depth_pitch * float(np.sqrt(np.prod(state.layout.pitch_mm)))
         found = _contacts(state, surface, plane, peaks(plane, least_mm, state.reach))
 
-        def is_loaded(centre_mm: Points2) -> Mask:
-            column = np.abs(centre_mm[:, :1] - state.x_mm).argmin(axis=1)
-            row = np.abs(centre_mm[:, 1:] - state.y_mm).argmin(axis=1)
-            return np.asarray(plane[row, column] > least_mm)
+        def is_loaded(contact: Contact) -> bool:
+            x_mm, y_mm = contact.centre_mm
+            row, column = np.abs(state.y_mm - y_mm).argmin(), np.abs(state.x_mm - x_mm).argmin()
+            return bool(plane[row, column] > least_mm)
 
         tracks, contacts = self.tracker.step(state.tracks, found, is_loaded=is_loaded, status=surface.status)
         return replace(state, tracks=tracks), surface, contacts

@@ -135,11 +135,16 @@ class LoadContactFinder:
             peaks = replace(peaks, centre_mm=_within(state.camera, state.bounds_mm, centre_mm))
         # Where the strongest place jumps, the contact lasts until the new place is confirmed.
         has_moved = evidence.has_moved if _has_jumped(state.tracks, peaks) else nowhere
+
+        def is_loaded(contact: Contact) -> bool:
+            point_mm = contact.centre_mm[None]
+            return bool(load.at(point_mm)[0] > peaks.floor or has_moved(point_mm)[0])
+
         tracks, contacts = self.tracker.step(
             state.tracks,
             self._contacts(state, peaks, motion),
             may_start=peaks.may_start.tolist(),
-            is_loaded=lambda point_mm: (load.at(point_mm) > peaks.floor) | has_moved(point_mm),
+            is_loaded=is_loaded,
             status=grid.status,
         )
         state = replace(state, tracks=tracks, recent_load=self.peaks.fade(peaks, state.recent_load))

@@ -6,12 +6,12 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
-from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.inversion.sheet_parameters import ParameterResponse
 from manytouch.geometry.spline.patch import Nodal
-from manytouch.values.arrays import Mask, Points2, Scalars
+from manytouch.values import Contact
+from manytouch.values.arrays import Mask, Scalars
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -44,6 +44,9 @@ class ContactRules:
             a sheet that is assumed, only a new contact needs it: unlike parameters scale the forces of
             contacts of different depth by different factors, and none of these is 0.
         same_contact_pitch: a cluster continues a contact if it is within this distance, in pitches.
+        kept_share: a contact that is not found may last while the normal forces within its half axis or a
+            pitch are at least this share of its last one, and those within a pitch the least force. What is
+            left when a strong press ends at once is a smaller share, but more than the least force.
         noise_share: nodal forces below this share of what noise adds to `GaussNewton.negligible_force` belong
             to no cluster.
     """
@@ -61,6 +64,7 @@ class ContactRules:
     outline_stds: float = 4.0
     sure_stds: float = 2.0
     same_contact_pitch: float = 1.0
+    kept_share: float = 0.1
     noise_share: float = 0.3
 
     def may_start(
@@ -88,6 +92,21 @@ class ContactRules:
             std_mm2 = np.hypot(*(fit.posterior.force_std(share, axis)[0] for axis in range(2)))
             excess_mm2[number] -= self.shear_stds * std_mm2
         return np.asarray(is_strong & (excess_mm2 <= 0.0))
+
+    def may_last(self, model: InversionModel, force_mm2: Nodal, contact: Contact, noise: float) -> bool:
+        """Whether a contact that a frame does not show as one may still be there.
+
+        Args:
+            model: of the sheet.
+            force_mm2: (nodes, 3) nodal forces over E of the frame.
+            contact: as an earlier frame showed it.
+            noise: ratio of the marker noise to the usual one.
+        """
+        away_mm = np.linalg.norm(model.nodes.place_mm - contact.centre_mm, axis=1)
+        reaches_mm = np.array([model.pitch_mm, np.fmax(model.pitch_mm, contact.half_major_mm)])
+        near_mm2, under_mm2 = (away_mm < reaches_mm[:, None]) @ np.maximum(-force_mm2[:, 2], 0.0)
+        kept_mm2 = self.kept_share * np.nan_to_num(contact.normal_force_over_E_mm2)
+        return bool(near_mm2 >= noise * model.nodes.least_force_mm2 and under_mm2 >= kept_mm2)
 
     def certain(
         self,
@@ -188,15 +207,6 @@ def significant(clusters: Clusters, fit: Fit, least_stds: float) -> tuple[Cluste
     if len(chosen) == len(clusters):
         return clusters, stds
     return clusters.select(chosen), stds[chosen]
-
-
-def has_force_near(
-    nodes: ForceNodes, force_mm2: Nodal, place_mm: Points2, *, radius_mm: float, least_mm2: float
-) -> Mask:
-    """(k,) whether the normal forces within a radius of each place (k, 2) sum to at least a value over E."""
-    away_mm = np.linalg.norm(place_mm[:, None] - nodes.place_mm, axis=2)
-    near_mm2 = (away_mm < radius_mm) @ np.maximum(-force_mm2[:, 2], 0.0)
-    return np.asarray(near_mm2 >= least_mm2)
 
 
 def is_far_from(clusters: Clusters, place_mm: Float64[np.ndarray, "k 2"], distance_mm: float) -> Mask:

@@ -24,7 +24,6 @@ from manytouch.estimation.mechanics.clusters.model_order import ModelOrder
 from manytouch.estimation.mechanics.clusters.rigid_faces import RigidFaces
 from manytouch.estimation.mechanics.contact_rules import (
     ContactRules,
-    has_force_near,
     is_far_from,
     significant,
 )
@@ -117,15 +116,15 @@ class MechanicsEstimator:
                     "MechanicsEstimator(pad=PadEstimator()), or the method perimeter or paper"
                 )
             return self.pad.start(sensor)
-        model = self.nominal_sheet(replace(sensor, sheet=sheet))
+        pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
+        pitch_px = pitch_mm / mm_per_px(sensor.camera)
+        model_std_px = self.marker_noise.constant_std_px(pitch_px, pitch_mm / sheet.thickness_mm, sensor)
+        usual_std_px = self.marker_noise.usual_std_px(model_std_px)
+        model = self.nominal_sheet(replace(sensor, sheet=sheet), usual_std_px)
         pretension = self.pretension.start(model, sheet)
         if pretension.is_estimated:
             model = model.with_pretension(pretension.mean_mm)
-        at_rest_px = rest_px(sensor, layout)
-        pitch_px = model.pitch_mm / mm_per_px(sensor.camera)
-        model_std_px = self.marker_noise.constant_std_px(pitch_px, model.pitch_thickness, sensor)
-        shape = SheetShape.at_rest(model)
-        usual_std_px = self.marker_noise.usual_std_px(model_std_px)
+        at_rest_px, shape = rest_px(sensor, layout), SheetShape.at_rest(model)
         weight_per_mm4 = self.gauss_newton.weights(model, shape, usual_std_px=usual_std_px)
         centre_noise_px = sensor.centre_noise_px or self.marker_noise.default_centre_noise_px
         std_px = float(np.hypot(model_std_px, centre_noise_px))
@@ -314,7 +313,6 @@ class MechanicsEstimator:
     ) -> tuple[MechanicsState, Contacts]:
         """Contacts with identities and slip, and the state that contains them."""
         model = state.model
-        least_mm2 = noise * model.nodes.least_force_mm2
         own_mm2 = fit.shape.force_mm2
         if clusters.is_face.any():
             own_mm2 = np.where(np.append(clusters.is_face, False)[clusters.label][:, None], 0.0, own_mm2)
@@ -327,9 +325,7 @@ class MechanicsEstimator:
             state.tracks,
             found,
             may_start=may_start.tolist(),
-            is_loaded=lambda place_mm: has_force_near(
-                model.nodes, own_mm2, place_mm, radius_mm=model.pitch_mm, least_mm2=least_mm2
-            ),
+            is_loaded=lambda contact: self.contact_rules.may_last(model, own_mm2, contact, noise),
             status=status,
         )
         slip, contacts = self.slip_detector(state.slip, contacts, model.pitch_mm)

@@ -14,14 +14,13 @@ from typing import Any
 import numpy as np
 
 from manytouch.estimation.contact_finder import ContactFinder
-from manytouch.estimation.contact_tracker import nowhere
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.perimeter.marker_surface import MarkerGeometry, MarkerSurface
 from manytouch.estimation.uncalibrated.swelling_load import uncalibrated_contact_finder
 from manytouch.geometry.neighbours import Neighbours
 from manytouch.values import Contact, Sensor, Status, Surface, TrackedGrid
-from manytouch.values.arrays import Mask, Points2
+from manytouch.values.arrays import Points2
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -172,13 +171,17 @@ class UndescribedFrames:
         moved_px = _rms(fit.shape.displacement_px, grid)
         return not model.is_assumed or _rms(fit.residual_px, grid) <= self.light_misfit * moved_px
 
-    def may_last(self, model: InversionModel, undescribed: int) -> Callable[[Points2], Mask] | None:
-        """Where a contact may last that a frame without a model of the sheet does not show.
+    def may_last(self, model: InversionModel, undescribed: int) -> Callable[[Contact], bool] | None:
+        """Whether a contact may last that a frame without a model of the sheet does not show.
 
-        Everywhere (None) in the first of such frames, after so many in a row that the sheet did not describe;
-        later nowhere: the contact finder has waited already.
+        Any one (None) in the first of such frames, after so many in a row that the sheet did not describe;
+        later none: the contact finder has waited already.
         """
-        return None if undescribed <= (0 if model.is_assumed else self.wait_frames) else nowhere
+        return None if undescribed <= (0 if model.is_assumed else self.wait_frames) else _has_ended
+
+
+def _has_ended(_contact: Contact) -> bool:
+    return False
 
 
 def _rms(change_px: Points2, grid: TrackedGrid) -> float:

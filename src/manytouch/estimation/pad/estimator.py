@@ -193,7 +193,7 @@ class PadEstimator:
             state.tracks,
             found,
             may_start=may_start,
-            is_loaded=lambda place_mm: fit.patches.are_near(place_mm, 2.0 * model.pitch_mm),
+            is_loaded=lambda old: bool(fit.patches.are_near(old.centre_mm[None], 2.0 * model.pitch_mm)[0]),
             status=grid.status,
         )
         slip, contacts = self.slip_detector(state.slip, contacts, model.pitch_mm)

@@ -11,12 +11,15 @@ from manytouch.estimation.mechanics.inversion.gauss_newton import GaussNewton
 from manytouch.estimation.mechanics.inversion.sheet_model import NominalSheet
 from manytouch.estimation.mechanics.inversion.sheet_parameters import ParameterResponse
 from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
+from manytouch.values import Contact, Phase
 from pressed_sheet import contacts_of, pressed, slack_sensor
+
+USUAL_STD_PX = 0.03
 
 
 @pytest.mark.parametrize(("thicknesses", "starts"), [(1.7, False), (2.6, True), (5.0, True)])
 def test_a_contact_beside_the_clamp_waits_for_the_response(thicknesses: float, starts: bool) -> None:
-    model, rules = NominalSheet()(slack_sensor()), ContactRules()
+    model, rules = NominalSheet()(slack_sensor(), USUAL_STD_PX), ContactRules()
     place_mm, half_mm = model.nodes.place_mm, 0.5 * np.array(model.patch.size_mm)
     wanted_mm = np.array([half_mm[0] - thicknesses * model.thickness_mm, 0.0])
     node = int(np.linalg.norm(place_mm - wanted_mm, axis=1).argmin())
@@ -32,7 +35,7 @@ def test_a_contact_beside_the_clamp_waits_for_the_response(thicknesses: float, s
 def test_the_shear_of_a_new_contact_counts_as_far_as_noise_does_not_explain_it(
     stds: float, starts: bool
 ) -> None:
-    model, rules = NominalSheet()(slack_sensor()), ContactRules()
+    model, rules = NominalSheet()(slack_sensor(), USUAL_STD_PX), ContactRules()
     fit, clusters, _ = two_forces(model)
     clusters = clusters.select(np.array([0]))
     share = (clusters.label == 0)[None].astype(np.float64)
@@ -87,7 +90,7 @@ def test_what_wrong_parameters_explain_is_no_contact_unless_they_change_all_forc
     share: float, remains: int
 ) -> None:
     """First the weak force changes by a share of itself, then both do so."""
-    model, rules = NominalSheet()(slack_sensor()), ContactRules()
+    model, rules = NominalSheet()(slack_sensor(), USUAL_STD_PX), ContactRules()
     fit, clusters, (strong, weak) = two_forces(model)
     for changed, expected in (([weak], remains), ([strong, weak], 2)):
         found, _ = rules.certain(model, clusters, fit, response_of(fit, changed, share), NOTHING_BEFORE)
@@ -99,7 +102,7 @@ def test_what_a_wrong_outline_explains_is_no_contact_unless_it_changes_all_force
     share: float, remains: int
 ) -> None:
     """First the weak force changes by a share of itself, then both do so."""
-    model, rules = NominalSheet()(slack_sensor()), ContactRules()
+    model, rules = NominalSheet()(slack_sensor(), USUAL_STD_PX), ContactRules()
     fit, clusters, (strong, weak) = two_forces(model)
     for changed, expected in (([weak], remains), ([strong, weak], 2)):
         by_outline_mm2 = response_of(fit, changed, share).force_change_mm2[0, :, 2]
@@ -115,7 +118,10 @@ def test_on_an_assumed_sheet_a_contact_lasts_whatever_the_parameters_explain(
     is_assumed: bool, before_mm: float, remains: int
 ) -> None:
     """A contact of the frame before is this far from the weak force."""
-    model, rules = replace(NominalSheet()(slack_sensor()), is_assumed=is_assumed), ContactRules()
+    model, rules = (
+        replace(NominalSheet()(slack_sensor(), USUAL_STD_PX), is_assumed=is_assumed),
+        ContactRules(),
+    )
     fit, clusters, (_, weak) = two_forces(model)
     touching_mm = model.nodes.place_mm[[weak]] + [0.0, before_mm]
     found, _ = rules.certain(model, clusters, fit, response_of(fit, [weak], 0.7), touching_mm)
@@ -131,3 +137,46 @@ def test_a_contact_near_the_clamp_is_followed_while_it_is_released() -> None:
     assert strong.centre_mm == pytest.approx(middle_mm, abs=0.5)
     assert weak.centre_mm == pytest.approx(beside_mm, abs=0.8)
     assert weak.normal_force_over_E_mm2 == pytest.approx(1.0 / 60.0, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("last", "half_major_mm", "lasts"),
+    [
+        (20.0, np.nan, True),
+        (2000.0, np.nan, False),
+        (0.5, 1.0, True),
+        (np.nan, np.nan, True),
+        (20.0, 12.0, True),
+    ],
+)
+def test_a_contact_that_is_not_found_lasts_while_a_share_of_its_force_is_left(
+    last: float, half_major_mm: float, lasts: bool
+) -> None:
+    """`last` is its force in an earlier frame; 3 least forces are left at its centre, 300 at 8 mm from it."""
+    model = NominalSheet()(slack_sensor(), USUAL_STD_PX)
+    node = int(np.linalg.norm(model.nodes.place_mm, axis=1).argmin())
+    least_mm2 = model.nodes.least_force_mm2
+    force_mm2 = np.zeros((len(model.nodes.place_mm), 3))
+    force_mm2[node, 2] = -3.0 * least_mm2
+    other = int(np.linalg.norm(model.nodes.place_mm - [8.0, 0.0], axis=1).argmin())
+    force_mm2[other, 2] = -300.0 * least_mm2
+    before = contact_at(model.nodes.place_mm[node], last * least_mm2, half_major_mm)
+    assert ContactRules().may_last(model, force_mm2, before, 1.0) is lasts
+    assert not ContactRules().may_last(model, force_mm2, before, 4.0)
+    assert not ContactRules().may_last(model, np.zeros_like(force_mm2), before, 1.0)
+
+
+def contact_at(centre_mm: np.ndarray, force_mm2: float, half_major_mm: float) -> Contact:
+    return Contact(
+        id=0,
+        phase=Phase.MOVE,
+        centre_mm=centre_mm,
+        centre_px=np.zeros(2),
+        depth_mm=1.0,
+        force_N=np.full(3, np.nan),
+        torque_Nmm=np.nan,
+        area_mm2=10.0,
+        covariance=np.full((8, 8), np.nan),
+        normal_force_over_E_mm2=force_mm2,
+        half_major_mm=half_major_mm,
+    )

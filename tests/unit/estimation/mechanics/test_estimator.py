@@ -151,16 +151,13 @@ def test_a_quick_release_leaves_no_depth_and_no_contact(model: InversionModel, m
         assert np.abs(surface.displacement_mm[:, 2]).max() < 0.01
 
 
-def test_the_least_force_of_a_contact_moves_the_middle_by_a_hundredth_of_a_pitch() -> None:
-    least = []
-    for sheet in ({}, {"pretension_N_per_mm": 1.0}, {"thickness_mm": 2.0}):
-        model = ESTIMATE.start(sensor_of(**sheet)).model
-        force_mm2 = model.nodes.least_force_mm2
-        at_rest = bent(model, (0.0, 0.0, force_mm2), radius_mm=0.5 * PITCH_MM)
-        face = Face(shell=model.shell, point_mm=np.zeros((1, 2)))
-        assert -face.displacement(at_rest)[0, 2] == pytest.approx(0.01 * PITCH_MM, rel=0.1)
-        least.append(force_mm2)
-    assert least[1] > 2.0 * least[0] > 2.2 * least[2]
+@pytest.mark.parametrize("sheet", [{}, {"pretension_N_per_mm": 1.0}, {"thickness_mm": 2.0}])
+def test_the_least_force_of_a_contact_is_six_deviations_by_the_usual_noise(sheet: dict[str, float]) -> None:
+    state = ESTIMATE.start(sensor_of(**sheet))
+    usual_px = ESTIMATE.marker_noise.usual_std_px(state.model_std_px)
+    at_rest = bent(state.model, (0.0, 0.0, state.model.nodes.least_force_mm2), radius_mm=0.5 * PITCH_MM)
+    moved_px = np.linalg.norm(state.model.dots.displacement_px(at_rest))
+    assert moved_px == pytest.approx(6.0 * usual_px, rel=0.05)
 
 
 def test_the_uncertainty_of_the_stiffness_is_in_that_of_forces(
@@ -439,10 +436,11 @@ def assumed_sensor() -> Sensor:
 def test_contacts_of_an_assumed_sheet(thickness_mm: float, pretension_N_per_mm: float) -> None:
     """The true outline is 2 mm wider than the assumed one, and the thickness differs by up to a half."""
     true = ESTIMATE.start(sensor_of(thickness_mm=thickness_mm, pretension_N_per_mm=pretension_N_per_mm)).model
-    compliance_per_mm = true.nodes.least_force_mm2 / (0.01 * PITCH_MM)
+    light = bent(true, (0.0, 0.0, 1e-3))
+    stiffness_mm = 1e-3 / float(-true.dots.displacement_mm(light)[:, 2].min())
     shape = bent(
         true,
-        *((x, y, depth_mm * compliance_per_mm) for x, y, depth_mm in ((-12.0, -6.0, 1.0), (10.0, 5.0, 2.0))),
+        *((x, y, depth_mm * stiffness_mm) for x, y, depth_mm in ((-12.0, -6.0, 1.0), (10.0, 5.0, 2.0))),
     )
     _, surface, contacts = read([grid_of(true, shape, seed=k) for k in range(6)], assumed_sensor())
     assert surface.status == contacts.status == "ok"

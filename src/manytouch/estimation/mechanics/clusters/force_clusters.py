@@ -256,13 +256,14 @@ class ForceClusters:
             forces are smoothed.
         floor_share: nodes below this share of the highest smoothed force belong to no cluster.
         floor: nodes below this smoothed force belong to no cluster.
-        min_share: least normal force of a cluster over that of the strongest one.
+        min_share: least normal force of a cluster over that of the strongest one. With 0.04, presses of 2 to
+            4 % were left out whose forces were within 5 %; 0.01 adds no false contact (ADR 157).
     """
 
     merge_share: float = 0.75
     floor_share: float = 0.002
     floor: float = 2e-6
-    min_share: float = 0.04
+    min_share: float = 0.01
 
     def __call__(self, nodes: ForceNodes, force_mm2: Nodal) -> Clusters:
         """The clusters of nodal forces (n, 3) over E, sheet frame."""

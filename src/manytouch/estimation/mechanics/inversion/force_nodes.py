@@ -16,7 +16,8 @@ class ForceNodes:
         element_mm: (2,) size of the elements.
         inner_mm: (2,) half the size of the part in which contacts are found.
         force_unit_mm2: pitch times thickness; thresholds of nodal forces over E are given in this unit.
-        least_force_mm2: least normal force of a cluster over E.
+        least_seen_px: root of the sum of squares of the motions of all marker images under the least normal
+            force of a contact.
         seen_mm2_per_px: normal force over E, on a square of one pitch in the middle of the sheet at rest, by
             which the marker images move by 1 px: the root of the sum of squares over all of them.
         stiffening: relative growth of `seen_mm2_per_px` over the mean square of the slopes of the sheet.
@@ -28,10 +29,15 @@ class ForceNodes:
     element_mm: Float64[np.ndarray, "2"]
     inner_mm: Float64[np.ndarray, "2"]
     force_unit_mm2: float
-    least_force_mm2: float
+    least_seen_px: float
     seen_mm2_per_px: float
     stiffening: float
     own_spread_mm2: Float64[np.ndarray, "2"]
+
+    @property
+    def least_force_mm2(self) -> float:
+        """Least normal force of a cluster over E."""
+        return self.least_seen_px * self.seen_mm2_per_px
 
     def force_noise_mm2(self, slope: Float64[np.ndarray, "nodes 2"], std_px: float) -> float:
         """Standard deviation of a normal force over E in the middle, if it is the only one that is not known.

@@ -39,7 +39,7 @@ def large_skin(pretension_N_per_mm: float = 0.0) -> Sensor:
 
 @cache
 def model_of(pretension_N_per_mm: float = 0.0) -> InversionModel:
-    return NominalSheet()(large_skin(pretension_N_per_mm))
+    return NominalSheet()(large_skin(pretension_N_per_mm), USUAL_PX)
 
 
 def seen_mm2_per_px(model: InversionModel, coefficient_mm: np.ndarray, place_mm: np.ndarray) -> float:
@@ -86,7 +86,7 @@ def test_a_load_stiffens_the_sheet_less_far_from_it_and_more_under_it(press_mm2:
 
 def test_the_unit_of_forces_is_less_only_where_the_markers_show_less() -> None:
     inversion = GaussNewton()
-    small, large = NominalSheet()(sensor_of()), model_of()
+    small, large = NominalSheet()(sensor_of(), USUAL_PX), model_of()
     for model, least, most in ((small, 1.0, 1.0), (large, 0.01, 0.2)):
         at_rest = np.zeros((model.patch.node_count, 2))
         share = inversion.force_unit_mm2(model, at_rest, USUAL_PX) / model.nodes.force_unit_mm2
@@ -133,6 +133,20 @@ def test_a_light_press_beside_a_strong_one_is_found_on_a_large_skin() -> None:
     assert light.centre_mm == pytest.approx((35.0, 30.0), abs=3.0)
     assert light.normal_force_over_E_mm2 == pytest.approx(0.003, rel=0.25)
     assert strong.normal_force_over_E_mm2 == pytest.approx(0.06, rel=0.05)
+
+
+def test_a_press_with_two_hundredths_of_the_force_of_another_one_is_found() -> None:
+    strong, light = touching((-40.0, 0.0, 0.3), (35.0, 10.0, 0.006), frames=5)
+    assert strong.normal_force_over_E_mm2 == pytest.approx(0.3, rel=0.02)
+    assert light.centre_mm == pytest.approx((35.0, 10.0), abs=3.0)
+    assert light.normal_force_over_E_mm2 == pytest.approx(0.006, rel=0.15)
+
+
+@pytest.mark.parametrize("place_mm", [(0.0, 0.0), (8.0, -5.0)])
+def test_a_light_press_on_a_thick_sheet_is_found(place_mm: tuple[float, float]) -> None:
+    (contact,) = touching((*place_mm, 0.03), sensor=sensor_of(thickness_mm=4.0))
+    assert contact.centre_mm == pytest.approx(place_mm, abs=1.0)
+    assert contact.normal_force_over_E_mm2 == pytest.approx(0.03, rel=0.05)
 
 
 @pytest.mark.parametrize("seed", range(3))
