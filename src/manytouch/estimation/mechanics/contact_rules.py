@@ -21,6 +21,8 @@ class ContactRules:
     Attributes:
         start_force: least normal force of a new contact where there was a cluster in the previous frame.
         sudden_force: least normal force of a new contact elsewhere.
+        decided_force: least normal force of a contact from which on it is kept in later frames whether an
+            object is one contact or two. Of lighter contacts the markers show that too little.
         clamp_factor: factor of these least forces within `clamp_thickness` thicknesses of the edge of the
             part in which contacts are found. A camera that moves a little displaces all markers alike; the
             fit explains this by small forces near the clamp.
@@ -53,6 +55,7 @@ class ContactRules:
 
     start_force: float = 1.5
     sudden_force: float = 4.0
+    decided_force: float = 10.0
     clamp_factor: float = 3.0
     clamp_thickness: float = 2.0
     wait_thickness: float = 1.0

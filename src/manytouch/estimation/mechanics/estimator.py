@@ -188,7 +188,7 @@ class MechanicsEstimator:
             shape.coefficient_mm,
             clusters,
             forces.evidence,
-            state.previous_contacts,
+            state.previous_contacts(self.contact_rules.decided_force),
             earlier=state.previous,
         )
         clusters, stds = self.contact_rules.certain(model, clusters, fit, state.response, state.touching_mm)
@@ -289,8 +289,9 @@ class MechanicsEstimator:
         force_mm2 = np.where(force_mm2[:, 2:] > -hidden * nodes.force_unit_mm2, 0.0, force_mm2)
         clusters = self.force_clusters(nodes, force_mm2)
         clusters, _ = significant(clusters, fit, rules.least_stds)
+        decided = state.previous_contacts(rules.decided_force)
         clusters = self.model_order(
-            nodes, force_mm2, clusters, state.touching_mm, evidence_at=forces.evidence, noise=noise
+            nodes, force_mm2, clusters, decided.centre_mm, evidence_at=forces.evidence, noise=noise
         )
         return significant(clusters, fit, rules.last_stds)[0]
 

@@ -82,14 +82,15 @@ class MechanicsState:
         """(k, 2) centres of the contacts of the previous frame."""
         return np.array([contact.centre_mm for contact in self.tracks.touching]).reshape(-1, 2)
 
-    @property
-    def previous_contacts(self) -> PreviousContacts:
-        """The contacts of the previous frame."""
+    def previous_contacts(self, least: float) -> PreviousContacts:
+        """The contacts of the previous frame whose normal force is at least so many least forces."""
         forces_mm2 = [contact.normal_force_over_E_mm2 for contact in self.tracks.touching]
+        normal_mm2 = np.array(forces_mm2, dtype=np.float64)
+        is_chosen = ~(normal_mm2 < least * self.model.nodes.least_force_mm2)
         return PreviousContacts(
-            centre_mm=self.touching_mm,
-            normal_mm2=np.array(forces_mm2, dtype=np.float64),
-            frames=self.tracks.touching_frames,
+            centre_mm=self.touching_mm[is_chosen],
+            normal_mm2=normal_mm2[is_chosen],
+            frames=self.tracks.touching_frames[is_chosen],
         )
 
     def with_fit(self, fit: Fit) -> "MechanicsState":

@@ -149,6 +149,23 @@ def test_a_light_press_on_a_thick_sheet_is_found(place_mm: tuple[float, float]) 
     assert contact.normal_force_over_E_mm2 == pytest.approx(0.03, rel=0.05)
 
 
+@pytest.mark.parametrize("share", [1.5, 2.5])
+def test_two_balls_that_begin_lightly_are_two_once_the_markers_show_it(share: float) -> None:
+    """`share` is their force in least forces in the first frames, in which they are one contact or none."""
+    estimator, state = MechanicsEstimator(), MechanicsEstimator().start(sensor_of())
+    model, least_mm2 = state.model, state.model.nodes.least_force_mm2
+
+    def shape(force: float, radius_mm: float) -> np.ndarray:
+        presses = [(x_mm, y_mm, force * least_mm2) for x_mm, y_mm in ((-6.0, 0.0), (6.0, 1.0))]
+        return bent(model, *presses, radius_mm=radius_mm)
+
+    shapes = [np.zeros((model.patch.node_count, 3))] * 2 + [shape(share, 0.5)] * 2 + [shape(25.0, 1.5)] * 2
+    for seed, each in enumerate(shapes):
+        grid = grid_of(model, each, noise_px=NOISE_PX, seed=seed)
+        state, _, contacts = estimator.step(state, grid)
+    assert len(contacts.touching) == 2
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_three_presses_that_begin_in_one_frame_are_three_contacts_at_once(seed: int) -> None:
     turn = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi) + 2.0 * np.pi * np.arange(3) / 3
