@@ -67,7 +67,7 @@ class ContactRules:
     outline_stds: float = 4.0
     sure_stds: float = 2.0
     same_contact_pitch: float = 1.0
-    kept_share: float = 0.1
+    kept_share: float = 0.03
     noise_share: float = 0.3
 
     def may_start(

@@ -287,7 +287,7 @@ class MechanicsEstimator:
         rules, nodes = self.contact_rules, replace(model.nodes, force_unit_mm2=fit.force_unit_mm2)
         hidden = rules.noise_share * (noise - 1.0) * self.gauss_newton.negligible_force
         force_mm2 = np.where(force_mm2[:, 2:] > -hidden * nodes.force_unit_mm2, 0.0, force_mm2)
-        clusters = self.force_clusters(nodes, force_mm2)
+        clusters = self.force_clusters(nodes, force_mm2, is_assumed=model.is_assumed)
         clusters, _ = significant(clusters, fit, rules.least_stds)
         decided = state.previous_contacts(rules.decided_force)
         clusters = self.model_order(

@@ -257,20 +257,23 @@ class ForceClusters:
         floor_share: nodes below this share of the highest smoothed force belong to no cluster.
         floor: nodes below this smoothed force belong to no cluster.
         min_share: least normal force of a cluster over that of the strongest one. With 0.04, presses of 2 to
-            4 % were left out whose forces were within 5 %; 0.01 adds no false contact (ADR 157).
+            4 % were left out whose forces were within 5 %; 0.01 adds no false contact (ADR 158).
+        min_share_if_assumed: the same on an assumed sheet, which causes forces in proportion to that one.
     """
 
     merge_share: float = 0.75
     floor_share: float = 0.002
     floor: float = 2e-6
     min_share: float = 0.01
+    min_share_if_assumed: float = 0.04
 
-    def __call__(self, nodes: ForceNodes, force_mm2: Nodal) -> Clusters:
-        """The clusters of nodal forces (n, 3) over E, sheet frame."""
+    def __call__(self, nodes: ForceNodes, force_mm2: Nodal, *, is_assumed: bool = False) -> Clusters:
+        """The clusters of nodal forces (n, 3) over E, sheet frame, of a sheet that is assumed or not."""
         nodal_mm2 = np.maximum(-force_mm2[:, 2], 0.0).reshape(nodes.shape)
         clusters = cluster_moments(nodes, force_mm2, self._labels(nodes, nodal_mm2))
         strongest_mm2 = float(clusters.normal_mm2.max(initial=0.0))
-        least_mm2 = max(nodes.least_force_mm2, self.min_share * strongest_mm2)
+        share = self.min_share_if_assumed if is_assumed else self.min_share
+        least_mm2 = max(nodes.least_force_mm2, share * strongest_mm2)
         is_inner = np.all(np.abs(clusters.centre_mm) <= nodes.inner_mm, axis=1)
         order = np.argsort(-clusters.normal_mm2, kind="stable")
         return clusters.select(order[(is_inner & (clusters.normal_mm2 >= least_mm2))[order]])

@@ -120,7 +120,7 @@ class NominalSheet:
         max_elements: largest number of elements; if it is exceeded, elements are longer.
         least_stds: least normal force of a contact, in standard deviations by the usual noise of a single
             force in the middle of the sheet. Compared were 6 and 10 on 160 varied presses, and depths of the
-            middle from 0.003 to 0.01 pitches under that force (ADR 157).
+            middle from 0.003 to 0.01 pitches under that force (ADR 158).
         assumed_sheet_std: relative standard deviation of a depth where the sheet was assumed. The face moves
             in its plane by half the thickness times the slope, so that depths are too small by about 0.6
             times the share by which the thickness is too large, whose deviation is 40 %; the outline adds to
