@@ -14,14 +14,22 @@ import numpy as np
 from jaxtyping import Float32, Int32, Int64
 
 from manytouch.compilation import REORDER, f32, f64, kernel, no_type_check, u64
-from manytouch.detection.measurement.plane_fit import centroid_above, fit_plane
+from manytouch.detection.measurement.plane_fit import (
+    EVERYTHING,
+    centroid_above,
+    find_step,
+    fit_plane,
+    use_before,
+)
 from manytouch.detection.measurement.records import (
     NO_FIT,
+    NO_STEP,
     PLANE_RADIUS,
     BrightnessFit,
     Pixels,
     Plane,
     Samples,
+    Step,
     soft_threshold,
 )
 from manytouch.detection.measurement.sampling_pattern import core_radius, ring_radii
@@ -121,6 +129,19 @@ def _sample(
 
 @kernel()
 @no_type_check
+def _pack(samples: Samples, number: int) -> int:
+    """Moves the samples that are used to the front. Returns how many there are."""
+    count = 0
+    for i in range(number):
+        if samples.used[i] > f32(0.0):
+            samples.dx[count], samples.dy[count] = samples.dx[i], samples.dy[i]
+            samples.value[count], samples.used[count] = samples.value[i], 1.0
+            count += 1
+    return count
+
+
+@kernel()
+@no_type_check
 def _quantile(
     value: Float32[np.ndarray, " n"], count: int, quantile: float, ordered: Float32[np.ndarray, " n"]
 ) -> float:
@@ -170,22 +191,48 @@ def walk_to_dot(
 
 @kernel()
 @no_type_check
+def _find_step(
+    ring: Samples, number: int, level: float, radius: float, noise: float,
+    memory: Float32[np.ndarray, " n"],
+) -> Step:  # fmt: skip
+    """Finds a step in the ring around a dot of brightness `level`.
+
+    As in `background_fit_simd`, there is none where the residuals of a plane are all within the margin.
+    """
+    even = fit_plane(ring, number, Plane(f64(ring.value[0]), 0.0, 0.0, 0.0, 0.0, 0.0), EVERYTHING)
+    contrast = level - even.a
+    if even.variance * (even.number - 3.0) <= max(0.3 * contrast, 2.5 * noise) ** 2:
+        return NO_STEP
+    return find_step(ring, number, even, radius, contrast, noise, memory)
+
+
+@kernel()
+@no_type_check
 def fit_brightness(
-    pixels: Pixels, x: float, y: float, radius: float, noise: float, scratch: GeneralScratch
-) -> tuple[bool, BrightnessFit]:
-    """Planes of background and core about (x, y), and whether there is a dot."""
+    pixels: Pixels, x: float, y: float, radius: float, noise: float, known: Step, scratch: GeneralScratch
+) -> tuple[bool, BrightnessFit, Step]:
+    """Planes of background and core about (x, y), whether there is a dot, and a step next to it.
+
+    `known` is a step that was found before, or NO_STEP.
+    """
     ring, core, ordered = scratch.first, scratch.second, scratch.sorted_values
     count = _sample(pixels, x, y, scratch, RING, ring_radii(radius), ring)
     if count < 4:
-        return False, NO_FIT
-    background = f64(_quantile(ring.value, count, 0.4, ordered))
+        return False, NO_FIT, NO_STEP
     in_core = _sample(pixels, x, y, scratch, CORE, (0.0, core_radius(radius)), core)
     if in_core < 1:
-        return False, NO_FIT
+        return False, NO_FIT, NO_STEP
     level = f64(_quantile(core.value, in_core, 0.55, ordered))
+    step = _find_step(ring, count, level, radius, noise, ordered)
+    if step.limit >= NO_STEP.limit:
+        step = known
+    if step.limit < NO_STEP.limit:
+        use_before(ring, count, step, ring.used)
+        count = _pack(ring, count)
+    background = f64(_quantile(ring.value, count, 0.4, ordered))
     contrast = level - background
     if not contrast > 0.0:
-        return False, NO_FIT
+        return False, NO_FIT, NO_STEP
     margin = max(0.3 * contrast, 2.5 * noise)
     ground = fit_plane(ring, count, Plane(background, 0.0, 0.0, 0.0, 0.0, 0.0), margin)
     ground = fit_plane(ring, count, ground, margin)
@@ -201,4 +248,4 @@ def fit_brightness(
         ground.a, ground.b, ground.c, a - ground.a, b - ground.b, c - ground.c,
         ground.variance, ground.spread, spread, variance, soft_threshold(noise, a - ground.a, radius),
     )  # fmt: skip
-    return a > ground.a, fit
+    return a > ground.a, fit, step

@@ -6,11 +6,12 @@
 import math
 
 from manytouch.compilation import REORDER, f32, f64, inlined_kernel, no_type_check, u64
-from manytouch.detection.measurement.plane_fit import fit_plane
+from manytouch.detection.measurement.plane_fit import EVERYTHING, find_step, fit_plane
 from manytouch.detection.measurement.records import (
     FOUND,
     NO_DOT,
     NO_FIT,
+    NO_STEP,
     NOT_PLAIN,
     PLANE_RADIUS,
     BrightnessFit,
@@ -28,7 +29,6 @@ from manytouch.detection.measurement.sampling_pattern import (
 WITHIN = 2.5  # deviations of a pixel of the core from its plane
 STEEP = 0.12  # of the contrast: change over a radius from which on a dot is not plain
 DARK = 0.3  # of the contrast: a pixel of the core that is so much darker is damaged
-EVERYTHING = 1e9  # grey levels: a margin that leaves no sample out
 ALL = u64(LANES)
 
 
@@ -102,18 +102,24 @@ def _count_below(samples: Samples, least: float) -> float:
 @no_type_check
 def _fit_background(
     pattern: LoadedPattern, radius: float, part: tuple[float, float], level: float, noise: float
-) -> tuple[Plane, float]:
-    """Plane of the background around a core of brightness `level`, and how much darker it is."""
+) -> tuple[Plane, float, bool]:
+    """Plane of the background around a core of brightness `level`, how much darker it is, and if it is even.
+
+    A background with a step is not.
+    """
     use_between(pattern.ring, part, ring_radii(radius))
     plane = fit_all(pattern.ring)
     contrast = level - plane.a
     # when the squares sum up to less than that of the margin, no sample is beyond it
     if plane.variance * (plane.number - 3.0) > max(0.3 * contrast, 2.5 * noise) ** 2:
+        step = find_step(pattern.ring, LANES, plane, radius, contrast, noise, pattern.whole.value)
+        if step.limit < NO_STEP.limit:
+            return plane, contrast, False
         contrast = level - middle_quantile(pattern.ring, 0.4, 5)
         margin = max(0.3 * contrast, 2.5 * noise)
         plane = fit_plane(pattern.ring, LANES, Plane(level - contrast, 0.0, 0.0, 0.0, 0.0, 0.0), margin)
         plane = fit_plane(pattern.ring, LANES, plane, margin)
-    return plane, contrast
+    return plane, contrast, True
 
 
 @inlined_kernel()
@@ -136,7 +142,9 @@ def _fit_small(
     if use_between(core, part, (0.0, core_radius(radius))) < 1.0:
         return NO_DOT, NO_FIT
     level = middle_quantile(core, 0.55, 8)
-    background, contrast = _fit_background(pattern, radius, part, level, noise)
+    background, contrast, is_even = _fit_background(pattern, radius, part, level, noise)
+    if not is_even:
+        return NOT_PLAIN, NO_FIT
     if not (contrast > 0.0 and level > background.a):
         return NO_DOT, NO_FIT
     if radius >= 3.0:
@@ -173,7 +181,9 @@ def fit_plain_brightness(
         return _fit_small(pattern, radius, part, noise)
     used = use_between(pattern.core, part, (0.0, core_radius(radius)))
     core = fit_all(pattern.core)
-    background, contrast = _fit_background(pattern, radius, part, core.a, noise)
+    background, contrast, is_even = _fit_background(pattern, radius, part, core.a, noise)
+    if not is_even:
+        return NOT_PLAIN, NO_FIT
     margin = max(0.2 * contrast, 3.0 * noise)
     if contrast > 0.0 and core.variance * (core.number - 3.0) > margin * margin:
         # the shot noise may be larger on the dot than anywhere else

@@ -1,4 +1,5 @@
-"""Measurement of any dot: with a glint or a hole, chipped, or at the border of the image; compiled.
+"""Measurement of any dot: with a glint or a hole, chipped, next to a step of brightness, or at the border of
+the image; compiled.
 
 About ten times slower than `plain_dots`, which leaves these dots to this module.
 """
@@ -12,15 +13,18 @@ from jaxtyping import Float32, Int64
 
 from manytouch.compilation import REORDER, f32, kernel, no_type_check, u64
 from manytouch.detection.measurement.background_fit import GeneralScratch, fit_brightness
+from manytouch.detection.measurement.plane_fit import CLEAR
 from manytouch.detection.measurement.records import (
     FOUND,
     NO_DOT,
     NO_FIT,
     NO_MOMENTS,
+    NO_STEP,
     BrightnessFit,
     MeasuredDot,
     Moments,
     Pixels,
+    Step,
 )
 from manytouch.detection.measurement.sampling_pattern import window_radius
 
@@ -109,6 +113,17 @@ def cover(
                 dx += f32(1.0)
 
 
+@kernel()
+@no_type_check
+def clear_beyond(coverage: Float32[np.ndarray, "h w"], x: float, y: float, step: Step, radius: float) -> None:
+    """Sets coverage 0 beyond a step next to a dot about (x, y), but not on the dot."""
+    limit = max(step.limit, radius + CLEAR)
+    for v in range(coverage.shape[0]):
+        for u in range(coverage.shape[1]):
+            if (u - x) * step.x + (v - y) * step.y > limit:
+                coverage[v, u] = 0.0
+
+
 @kernel(fastmath=REORDER)
 @no_type_check
 def coverage_moments(
@@ -157,19 +172,21 @@ def measure_general(
     """Measures the dot near (x, y); FOUND or NO_DOT."""
     reach = window_radius(radius)
     reach2 = reach * reach
-    fit, moments = NO_FIT, NO_MOMENTS
+    fit, moments, step = NO_FIT, NO_MOMENTS, NO_STEP
     for attempt in range(3):
         x0, x1 = max(0, int(x - reach)), min(pixels.width, int(x + reach) + 2)
         y0, y1 = max(0, int(y - reach)), min(pixels.height, int(y + reach) + 2)
         if x1 - x0 < 3 or y1 - y0 < 3:
             return MeasuredDot(NO_DOT, x, y, reach2, NO_FIT, NO_MOMENTS)
-        is_dot, fit = fit_brightness(pixels, x, y, radius, noise, scratch)
+        is_dot, fit, step = fit_brightness(pixels, x, y, radius, noise, step, scratch)
         if not is_dot:
             return MeasuredDot(NO_DOT, x, y, reach2, NO_FIT, NO_MOMENTS)
         coverage = scratch.coverage[: (y1 - y0) * (x1 - x0)].reshape(y1 - y0, x1 - x0)
         cover(pixels, x, y, x0, y0, fit, coverage)
         if fit.core_spread == 0.0 and radius >= 3.0:
             fill_holes(coverage, scratch.stack, 1.0 - fit.low)
+        if step.limit < NO_STEP.limit:
+            clear_beyond(coverage, x - x0, y - y0, step, radius)
         moments = coverage_moments(coverage, x - x0, y - y0, reach2, fit.low)
         if not moments.total > 0.0:
             return MeasuredDot(NO_DOT, x, y, reach2, NO_FIT, NO_MOMENTS)
@@ -177,4 +194,7 @@ def measure_general(
         if attempt == 2 or dx * dx + dy * dy < (0.04 * radius + 0.1) ** 2:
             break
         x, y = x + dx, y + dy
+        if step.limit < NO_STEP.limit:
+            # it stays where it is in the image
+            step = Step(step.x, step.y, step.limit - dx * step.x - dy * step.y)
     return MeasuredDot(FOUND, x, y, reach2, fit, moments)

@@ -1,10 +1,10 @@
 """Values that the kernels of this package exchange.
 
-There are two measurements of a dot. The plain one (`plain_dots`) is fast and for dots without a glint, a hole
-or a damaged edge, whose sampling pattern is inside the image; the general one (`general_dots`) is for all
-others. Grey levels are those of 255, multiplied by -1 for dark dots, so that each dot is lighter than its
-background. Offsets are in pixels, x right and y down. Their origin is the pixel nearest to the dot, in the
-general measurement the expected position.
+There are two measurements of a dot. The plain one (`plain_dots`) is fast and for dots without a glint, a
+hole, a damaged edge or a step of brightness next to them, whose sampling pattern is inside the image; the
+general one (`general_dots`) is for all others. Grey levels are those of 255, multiplied by -1 for dark dots,
+so that each dot is lighter than its background. Offsets are in pixels, x right and y down. Their origin is
+the pixel nearest to the dot, in the general measurement the expected position.
 
 A `MeasuredDot` is one dot between two kernels; `centroid.MeasuredDots` are the results for all dots.
 """
@@ -84,6 +84,22 @@ class Plane(NamedTuple):
     number: float = 0.0
     variance: float = 0.0
     spread: float = 0.0
+
+
+class Step(NamedTuple):
+    """A straight step of brightness next to a dot, beyond which its background has another level.
+
+    Attributes:
+        x, y: unit vector towards it, at right angles.
+        limit: up to how far along that vector pixels are free of it, px.
+    """
+
+    x: float
+    y: float
+    limit: float
+
+
+NO_STEP = Step(0.0, 0.0, 1e6)
 
 
 class BrightnessFit(NamedTuple):

@@ -2,10 +2,17 @@
 
 import numpy as np
 import pytest
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 
 from manytouch.detection import estimate_noise, measure
-from manytouch.simulation.render.discs import DARK_DOTS, LIGHT_DOTS, Look, Spot, render_discs
+from manytouch.simulation.render.discs import (
+    DARK_DOTS,
+    LIGHT_DOTS,
+    Look,
+    Spot,
+    disc_coverage,
+    render_discs,
+)
 
 WIDTH, HEIGHT = 640, 400
 
@@ -214,3 +221,58 @@ def test_colour_and_16_bit_give_the_centre_of_grey() -> None:
     fine = measure(grey.astype(np.uint16) * 257, np.array([1 / 257]), centre_px, radius_px, noise=1.0)
     np.testing.assert_allclose(colour.centre_px, plain.centre_px, atol=1e-4)
     np.testing.assert_allclose(fine.centre_px, plain.centre_px, atol=1e-4)
+
+
+def errors_next_to_steps(radius_px: float, sign: float, heights: tuple[float, float]):
+    """Errors (n, 2) of dots, a third of them next to a step; their normalised squares; which these are.
+
+    The height of a step is in contrasts of a dot; its distance from the centre of a dot is random, from 4 px
+    and from 2.5 px outside the dot on.
+    """
+    error_px, squares, is_next, pitch = [], [], [], 60
+    x, y = np.meshgrid(np.arange(40, WIDTH - 30, pitch), np.arange(40, HEIGHT - 30, pitch))
+    middle_px, half = np.stack([x.ravel(), y.ravel()], axis=1), pitch // 2
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        centre_px = middle_px + rng.uniform(-0.5, 0.5, middle_px.shape)
+        shape_px = np.tile(radius_px * np.eye(2), (len(centre_px), 1, 1))
+        level = disc_coverage(centre_px, shape_px, width_px=WIDTH, height_px=HEIGHT).astype(float)
+        chosen = rng.uniform(size=len(centre_px)) < 1.0 / 3.0
+        for number in np.flatnonzero(chosen):
+            angle, away_px = rng.uniform(0.0, 2.0 * np.pi), max(4.0, radius_px + 2.5)
+            away_px += rng.uniform(0.0, 4.0)
+            left, top = middle_px[number] - half
+            v, u = np.mgrid[top : top + pitch, left : left + pitch]
+            along_px = np.cos(angle) * (u - centre_px[number, 0]) + np.sin(angle) * (v - centre_px[number, 1])
+            step = rng.uniform(*heights) * rng.choice([-1.0, 1.0]) * ndtr((along_px - away_px) / 0.8)
+            level[top : top + pitch, left : left + pitch] += step
+        grey = 128.0 + sign * 80.0 * (level - 0.5) + rng.normal(0.0, 2.0, level.shape)
+        image, weights = np.clip(np.rint(grey), 0, 255).astype(np.uint8), np.array([sign])
+        near_px = centre_px + rng.uniform(-0.3, 0.3, centre_px.shape)
+        dots = measure(
+            image, weights, near_px, np.full(len(near_px), radius_px), noise=estimate_noise(image, weights)
+        )
+        assert dots.is_found.all()
+        off_px = dots.centre_px - centre_px
+        error_px.append(off_px)
+        squares.append(0.5 * np.einsum("ni,nij,nj->n", off_px, np.linalg.inv(dots.covariance_px2), off_px))
+        is_next.append(chosen)
+    return np.concatenate(error_px), np.concatenate(squares), np.concatenate(is_next)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("radius_px", [1.8, 2.4, 3.0, 4.0, 6.0])
+def test_a_step_next_to_a_dot_hardly_moves_its_centre(radius_px: float, sign: float) -> None:
+    error_px, squares, is_next = errors_next_to_steps(radius_px, sign, (0.3, 1.0))
+    rms_px = np.sqrt(np.square(error_px[is_next]).mean())
+    assert rms_px < 2.1 * np.sqrt(np.square(error_px[~is_next]).mean())
+    assert squares[is_next].mean() < 1.3
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("radius_px", [1.8, 3.0, 6.0])
+def test_nor_does_one_that_is_higher_than_the_dot(radius_px: float, sign: float) -> None:
+    error_px, squares, is_next = errors_next_to_steps(radius_px, sign, (1.0, 1.6))
+    rms_px = np.sqrt(np.square(error_px[is_next]).mean())
+    assert rms_px < 1.7 * np.sqrt(np.square(error_px[~is_next]).mean())
+    assert squares[is_next].mean() < 1.3

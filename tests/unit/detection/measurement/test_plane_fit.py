@@ -1,10 +1,12 @@
-"""Planes and centroids of samples agree with plain numpy."""
+"""Planes and centroids of samples agree with plain numpy; shading and other dots are no steps."""
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
-from manytouch.detection.measurement.plane_fit import centroid_above, fit_plane
-from manytouch.detection.measurement.records import Plane, Samples
+from manytouch.detection.measurement.plane_fit import centroid_above, find_step, fit_plane
+from manytouch.detection.measurement.records import NO_STEP, Plane, Samples, Step
+from manytouch.detection.measurement.sampling_pattern import ring_radii
 
 
 def random_samples(seed: int, number: int = 64) -> Samples:
@@ -65,3 +67,54 @@ def test_the_centroid_is_weighted_by_the_level_above_the_threshold(seed: int) ->
     expected = [(weight * samples.dx).sum() / weight.sum(), (weight * samples.dy).sum() / weight.sum()]
     np.testing.assert_allclose(centroid_above(samples, 64, np.float32(68.0)), expected, rtol=1e-4)
     assert centroid_above(samples, 64, np.float32(1e4)) == (0.0, 0.0)
+
+
+def ring_of(radius_px: float) -> Samples:
+    inner, outer = ring_radii(radius_px)
+    reach = int(outer) + 1
+    v, u = np.mgrid[-reach : reach + 1, -reach : reach + 1] + 0.2
+    chosen = (np.hypot(u, v) >= inner) & (np.hypot(u, v) <= outer)
+    dx, dy = u[chosen].astype(np.float32), v[chosen].astype(np.float32)
+    return Samples(dx, dy, np.zeros_like(dx), np.ones_like(dx))
+
+
+def step_in(samples: Samples, radius_px: float) -> Step:
+    number = len(samples.dx)
+    coefficients, variance, spread = numpy_plane(samples, np.ones(number, dtype=bool))
+    plane = Plane(*coefficients, float(number), variance, spread)
+    return find_step(samples, number, plane, radius_px, 80.0, 0.5, np.empty_like(samples.used))
+
+
+@pytest.mark.parametrize("height", [-40.0, 60.0])
+@pytest.mark.parametrize("angle_deg", [0.0, 70.0, 200.0])
+@pytest.mark.parametrize("radius_px", [1.8, 3.0, 6.0])
+def test_the_line_of_a_step_is_found(radius_px: float, angle_deg: float, height: float) -> None:
+    samples, angle = ring_of(radius_px), np.radians(angle_deg)
+    away_px = 1.3 * radius_px + 1.0
+    along_px = samples.dx * np.cos(angle) + samples.dy * np.sin(angle)
+    samples.value[:] = 50.0 + 0.5 * samples.dx + height * ndtr((along_px - away_px) / 0.5)
+    step = step_in(samples, radius_px)
+    assert np.cos(angle) * step.x + np.sin(angle) * step.y > np.cos(np.radians(15.0))
+    assert max(away_px - 2.5, radius_px) <= step.limit < away_px
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("radius_px", [3.0, 6.0])
+def test_smooth_shading_is_no_step(radius_px: float, seed: int) -> None:
+    samples, rng = ring_of(radius_px), np.random.default_rng(seed)
+    x, y = samples.dx / ring_radii(radius_px)[1], samples.dy / ring_radii(radius_px)[1]
+    a, b, c = rng.normal(0.0, 40.0, 3)
+    samples.value[:] = 50.0 + 20.0 * x + a * x * x + b * x * y + c * y * y
+    assert step_in(samples, radius_px) == NO_STEP
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 33.0])
+@pytest.mark.parametrize("radius_px", [3.0, 6.0])
+def test_dots_on_all_sides_are_no_step(radius_px: float, angle_deg: float) -> None:
+    samples, pitch_px = ring_of(radius_px), 2.9 * radius_px + 1.0
+    for quarter in range(4):
+        angle = np.radians(angle_deg + 90.0 * quarter)
+        away_px = np.hypot(samples.dx - pitch_px * np.cos(angle), samples.dy - pitch_px * np.sin(angle))
+        samples.value[:] += (80.0 * ndtr((radius_px - away_px) / 0.8)).astype(np.float32)
+    assert samples.value.max() > 0.3 * 80.0
+    assert step_in(samples, radius_px) == NO_STEP
