@@ -56,6 +56,10 @@ class BarRule:
             and are farther apart than `seen_apart_thickness` or have not more force than then.
         seen_apart_thickness: two contacts at this distance, in thicknesses, are seen as two when they begin.
             Balls with a radius of 2 mm, 8 mm apart on a sheet of 3 mm, can begin as one.
+        near: factor of `min_f` if they were not two and are nearer than `near_thickness`: the sheet hides how
+            the pressure of an object is distributed over a thickness, so that a bar with even pressure does
+            not describe one that is pressed deep.
+        near_thickness: least distance of two contacts that need not be clearer than others, in thicknesses.
         wide: least factor of `min_f` if both patches are wide and of about the same size, as balls are not.
         wide_gap: least radius of wide patches over their distance. The radius is two standard deviations of
             the pressure.
@@ -71,6 +75,8 @@ class BarRule:
     was_two: float = 0.25
     was_one: float = 3.0
     seen_apart_thickness: float = 2.9
+    near: float = 2.5
+    near_thickness: float = 2.0
     wide: float = 4.0
     wide_gap: float = 0.25
     wide_thickness: float = 0.8
@@ -111,6 +117,8 @@ class BarRule:
         limit = self.was_two if was_two else 1.0
         if was_one and (is_unchanged or gap_mm >= self.seen_apart_thickness * model.thickness_mm):
             limit = self.was_one
+        if not was_two and gap_mm < self.near_thickness * model.thickness_mm:
+            limit = max(limit, self.near)
         is_alike = bool(round_mm2.max() <= self.max_size_ratio * round_mm2.min())
         least_mm = max(self.wide_gap * gap_mm, self.wide_thickness * model.thickness_mm)
         if is_alike and 2.0 * pair.deviation_mm > least_mm:

@@ -1,5 +1,6 @@
 """Joins clusters of forces to one, with the moments that follow from those of the parts."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -75,6 +76,14 @@ def joint_moments(
     return centre_mm, spread
 
 
+def moments_of_pair(clusters: Clusters, own: Int64[np.ndarray, "2"]) -> tuple[Scalars, Scalars]:
+    """Second moments (2,) of the pressure of two clusters along and across the line between them, mm^2."""
+    x, y = clusters.centre_mm[own[1]] - clusters.centre_mm[own[0]]
+    axes = np.array([[x, y], [-y, x]]) / np.hypot(x, y)
+    along_mm2, across_mm2 = np.einsum("ai,kij,aj->ak", axes, clusters.spread_mm2[own], axes)
+    return along_mm2, across_mm2
+
+
 def rectangle(
     centre_mm: Float64[np.ndarray, "2"], spread_mm2: Float64[np.ndarray, "2 2"]
 ) -> Float64[np.ndarray, "4 2"]:
@@ -126,6 +135,27 @@ def with_enclosed(
     spread += np.diag(nodes.own_spread_mm2)
     within = np.einsum("ki,ki->k", arm_mm, np.linalg.solve(spread, arm_mm.T).T) <= 4.0
     return np.union1d(own, group[within])
+
+
+def without_weak(
+    clusters: Clusters, own: Int64[np.ndarray, " k"], least: int, min_ratio: float
+) -> Iterator[Int64[np.ndarray, " _"]]:
+    """The group, then without its weakest cluster, and so on while that is much weaker than the first.
+
+    Errors of the sensor file cause weak forces near a face, or between its ends.
+
+    Args:
+        clusters: of a frame.
+        own: numbers of those of the group.
+        least: number of clusters that remain.
+        min_ratio: of a force to the largest one, above which it is not weak.
+    """
+    own = own[np.argsort(-clusters.normal_mm2[own], kind="stable")]
+    force = clusters.normal_mm2[own]
+    for count in range(len(own), least - 1, -1):
+        yield own[:count]
+        if force[count - 1] >= min_ratio * force[0]:
+            return
 
 
 def corner_points(

@@ -10,6 +10,7 @@ addition, clusters that fulfil it are joined
 - if there are three in a row whose depths are on one line, unless two of them were contacts in the previous
   frame;
 - if there are two, and a bar explains the markers as well as two patches do (`bars`);
+- if there are two, about as deep and as strong, and long across the line between them, as edges are;
 - if there are two that are not near each other, or three that are not in a row, and they began together and
   are about as deep and as strong: a face that presses with its ends only is the same load as two balls;
 - if there are two that the markers showed as one contact before, and their force has not grown since;
@@ -37,8 +38,10 @@ from manytouch.estimation.mechanics.clusters.joined_clusters import (
     is_in_none,
     join_clusters,
     joint_moments,
+    moments_of_pair,
     rectangle,
     with_enclosed,
+    without_weak,
 )
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
@@ -112,6 +115,9 @@ class RigidFaces:
         rise_mm, rise_share: by how much the sheet under one face may be less deep than the line between two
             places, in mm and over the larger depth of the two: the error of the shape.
         pair_rise_share: like `rise_share`, for a pair that the markers may show to be one bar.
+        edge_thickness, edge_ratio: two clusters are edges of one face if the pressure of both has at least
+            this standard deviation across the line between them, in thicknesses (shorter edges look like
+            balls), and this one over that along it. Fingertips have a ratio of at most 1.6.
         min_force_ratio: least ratio of the forces of the clusters of one face.
         max_depth_ratio: largest difference of the depths of two or three clusters, over the deepest one.
         plane_share: largest distance of the depths of four clusters or more from a plane, over their depth.
@@ -138,6 +144,8 @@ class RigidFaces:
     rise_mm: float = 0.004
     rise_share: float = 0.015
     pair_rise_share: float = 0.04
+    edge_thickness: float = 0.75
+    edge_ratio: float = 2.0
     min_force_ratio: float = 0.3
     max_depth_ratio: float = 0.06
     plane_share: float = 0.06
@@ -194,14 +202,13 @@ class RigidFaces:
         for face in kept_faces:
             joined = self._join(joined, clusters, face, is_one_as_before=True)
         kept = np.flatnonzero(joined.force_mm2[:, 2] != 0.0)
-        order = kept[np.argsort(-joined.normal_mm2[kept], kind="stable")]
-        return joined.select(order)
+        return joined.select(kept[np.argsort(-joined.normal_mm2[kept], kind="stable")])
 
     def _planes(self, frame: _Frame, is_flat: Pairs) -> list[Numbers]:
         """Faces of four clusters or more, or of three in a row, whose depths are on one plane."""
         faces = []
         for group in connected_groups(is_flat):
-            for own in self._without_weak(frame.clusters, group, _PLANE - 1):
+            for own in without_weak(frame.clusters, group, _PLANE - 1, self.min_force_ratio):
                 apart = frame.was_apart if len(own) < _PLANE else frame.was_long_apart
                 if not apart[np.ix_(own, own)].any() and self._is_plane(frame, own):
                     faces.append(with_enclosed(frame.clusters, frame.model.nodes, own, group))
@@ -212,7 +219,7 @@ class RigidFaces:
         """Faces of `least` clusters or more among groups of pairs that may be of one face."""
         faces = []
         for group in connected_groups(is_one, least):
-            for own in self._without_weak(frame.clusters, group, least):
+            for own in without_weak(frame.clusters, group, least, self.min_force_ratio):
                 if self._is_one(frame, own):
                     faces.append(with_enclosed(frame.clusters, frame.model.nodes, own, group))
                     break
@@ -319,13 +326,21 @@ class RigidFaces:
         was_two = bool(frame.was_apart[np.ix_(own, own)].any())
         was_one = not was_two and self._continues_one(frame, own)
         if len(own) == 2:
+            if not was_two and self._are_edges(frame, own):
+                return True
             is_bar = self._is_bar(frame, own, was_two=was_two, was_one=was_one)
-            centre_mm = frame.clusters.centre_mm[own]
-            gap_mm = float(np.linalg.norm(centre_mm[1] - centre_mm[0]))
+            gap_mm = float(np.linalg.norm(np.diff(frame.clusters.centre_mm[own], axis=0)))
             least = self.kept_thickness if was_one else self.resolved_thickness
             if is_bar or (is_bar is False and gap_mm < least * frame.model.thickness_mm):
                 return bool(is_bar)
         return not was_two and self._began_as_one(frame, own, was_one=was_one)
+
+    def _are_edges(self, frame: _Frame, own: Int64[np.ndarray, "2"]) -> bool:
+        """Whether two clusters are as deep and as strong as each other, and long across the line between."""
+        along_mm2, across_mm2 = moments_of_pair(frame.clusters, own)
+        least_mm2 = (self.edge_thickness * frame.model.thickness_mm) ** 2
+        is_long = across_mm2 >= np.maximum(least_mm2, self.edge_ratio**2 * along_mm2)
+        return bool(is_long.all() and self._are_alike(frame)[own[0], own[1]])
 
     def _is_bar(
         self,
@@ -371,18 +386,6 @@ class RigidFaces:
             and force.min() >= self.min_force_ratio * force.max()
             and depth.max() - depth.min() <= self.max_depth_ratio * depth.max() + self.rise_mm
         )
-
-    def _without_weak(self, clusters: Clusters, own: Numbers, least: int) -> Iterator[Numbers]:
-        """The group, then without its weakest cluster, and so on while that is much weaker than the first.
-
-        Errors of the sensor file cause weak forces near a face, or between its ends.
-        """
-        own = own[np.argsort(-clusters.normal_mm2[own], kind="stable")]
-        force = clusters.normal_mm2[own]
-        for count in range(len(own), least - 1, -1):
-            yield own[:count]
-            if force[count - 1] >= self.min_force_ratio * force[0]:
-                return
 
     def _join(
         self, joined: Clusters, clusters: Clusters, own: Numbers, *, is_one_as_before: bool

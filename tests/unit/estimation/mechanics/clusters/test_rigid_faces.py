@@ -28,9 +28,9 @@ def face_mm() -> np.ndarray:
     return np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
 
 
-def edges_mm() -> np.ndarray:
+def edges_mm(half_width_mm: float = 2.0) -> np.ndarray:
     """Its two edges at right angles to x."""
-    along = np.linspace(-2.0, 2.0, 5)
+    along = np.linspace(-half_width_mm, half_width_mm, 5)
     return np.concatenate([np.column_stack([np.full(5, x), along]) for x in (-HALF_MM, HALF_MM)])
 
 
@@ -46,6 +46,32 @@ def test_a_face_that_comes_to_press_with_two_edges_stays_one_contact(began_as_on
     if began_as_one:
         np.testing.assert_allclose(contacts.touching[0].centre_mm, 0.0, atol=0.5)
         assert len(contacts_of([*rest, *flat, *split], RigidFaces(same_centre_pitch=0.0)).touching) == 2
+
+
+@pytest.mark.parametrize(
+    ("half_width_mm", "edge_thickness", "count"), [(3.5, 0.75, 1), (3.5, 9.0, 2), (1.0, 0.75, 2)]
+)
+def test_a_block_whose_edges_press_first_is_one_contact(
+    half_width_mm: float, edge_thickness: float, count: int
+) -> None:
+    """Edges 5.5 thicknesses apart that are long across the line between them; short ones look like balls."""
+    rest = [pressed(face_mm(), 0.0, seed) for seed in range(3)]
+    split = [pressed(edges_mm(half_width_mm), 0.08, 20 + seed) for seed in range(4)]
+    faces = RigidFaces(edge_thickness=edge_thickness, bars=BarRule(min_f=-1e3))
+    contacts = contacts_of([*rest, *split], faces)
+    assert len(contacts.touching) == count
+    if count == 1:
+        np.testing.assert_allclose(contacts.touching[0].centre_mm, 0.0, atol=0.5)
+        assert contacts.touching[0].normal_force_over_E_mm2 == pytest.approx(0.08, rel=0.06)
+
+
+def test_edges_of_different_depth_are_two_contacts() -> None:
+    """A weak edge and a strong one are two objects, however long both are."""
+    rest = [pressed(face_mm(), 0.0, seed) for seed in range(3)]
+    weak_mm, strong_mm = np.split(edges_mm(3.5), 2)
+    place_mm = np.concatenate([weak_mm, *[strong_mm] * 2])
+    split = [pressed(place_mm, 0.08, 20 + seed) for seed in range(4)]
+    assert len(contacts_of([*rest, *split], RigidFaces(bars=BarRule(min_f=-1e3))).touching) == 2
 
 
 @pytest.mark.parametrize(("kept_thickness", "count"), [(3.2, 1), (4.0, 2)])
