@@ -106,6 +106,11 @@ def _file_source(text: str, path: Path, fps: float | None) -> Source:
         from manytouch.sources.files.replay import replay_source
 
         return replay_source(path, fps)
+    if path.suffix.lower() == ".toml":
+        raise SourceError(
+            f"{text!r} is a TOML file, not a recording: give a sensor file as --sensor {text}, a scene file "
+            f"as sim:{text}, and a rig file to manytouch run."
+        )
     if path.suffix.lower() in IMAGE_SUFFIXES or (
         path.suffix.lower() != ".gif" and cv2.haveImageReader(str(path))
     ):

@@ -64,6 +64,15 @@ def test_a_text_is_no_video_and_no_image(
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize("name", ["sensor.toml", "SCENE.TOML"])
+def test_a_toml_file_is_refused_with_what_it_is_for(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    path.write_text("schema = 1\n")
+    sentence = refusal(path)
+    assert "is a TOML file, not a recording" in sentence
+    assert all(words in sentence for words in (f"--sensor {path}", f"sim:{path}", "manytouch run"))
+
+
 def test_noise_and_nothing_are_no_videos(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "noise.mp4").write_bytes(np.random.default_rng(0).bytes(20_000))
     (tmp_path / "nothing.mp4").touch()
