@@ -32,6 +32,24 @@ def is_camera(text: str) -> bool:
     return "://" in text or text.startswith("/dev/video") or Path(text).is_char_device()
 
 
+def is_stream(text: str) -> bool:
+    """Whether a text is the address of a single stream."""
+    return "://" in text and not text.startswith(VIEWS_PREFIX)
+
+
+def refuse_rate_of_stream(text: str, fps: float | None) -> None:
+    """Refuse a frame rate for a single stream, which has that of its sender.
+
+    Raises:
+        SourceError: one is given.
+    """
+    if fps is not None and is_stream(text):
+        raise SourceError(
+            f"A frame rate of {fps:g} per second cannot be requested of the stream {without_password(text)}: "
+            "omit --fps (fps in a rig file), or set the rate where the stream is sent."
+        )
+
+
 def split_topic(text: str) -> tuple[str, str | None]:
     """Path and topic of a name `PATH#TOPIC`; None if it has no topic or is the name of a file."""
     path, mark, topic = text.partition("#")

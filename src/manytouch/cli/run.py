@@ -6,7 +6,8 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from manytouch.cli.terminal import method_options, options
-from manytouch.source_names import require_existing
+from manytouch.cli.terminal.failures import usage_errors
+from manytouch.source_names import refuse_rate_of_stream, require_existing
 
 
 def run(
@@ -91,6 +92,8 @@ def run(
         )
     options.refuse_two_scales("run", sensor, pitch_mm, hfov_deg)
     options.refuse_camera_options("run", source, camera_options)
+    with usage_errors("run"):
+        refuse_rate_of_stream(source, fps)
     parameters = interpolation.parameters("run", method) | paper.parameters("run", method)
     require_existing([source])
     from manytouch.cli.terminal.console import Reporter

@@ -8,7 +8,15 @@ from types import NoneType
 
 from manytouch.errors import SourceError, require_type
 from manytouch.limits import HIGHEST_FPS
-from manytouch.source_names import VIEWS_PREFIX, is_camera, split_topic, views_of, why_missing
+from manytouch.source_names import (
+    VIEWS_PREFIX,
+    is_camera,
+    is_stream,
+    refuse_rate_of_stream,
+    split_topic,
+    views_of,
+    why_missing,
+)
 from manytouch.sources.cameras.capture import CameraRequest
 from manytouch.sources.files.images import IMAGE_SUFFIXES, folder_source, image_source
 from manytouch.sources.files.log import is_log, log_source
@@ -36,11 +44,12 @@ def open_source(
             number, device or address of a camera; `views:SOURCE,SOURCE` for several cameras on one sheet, in
             the order of its sensor file; `sim:` or `sim:SCENE`.
         fps: rate in frames per second that timestamps follow instead of the source's own; of a camera, the
-            rate to request.
+            rate to request. A single stream has the rate of its sender; of streams as views it is the one by
+            which their frames are joined if they do not report theirs.
         camera: what else to request of a camera.
 
     Raises:
-        SourceError: it does not exist, or cannot be decoded.
+        SourceError: it does not exist, cannot be decoded, or is a stream and a rate is given.
     """
     fps = plain(fps)
     require_type("fps", fps, (int, float, NoneType), "a number of frames per second")
@@ -69,6 +78,7 @@ def open_source(
         return replay_source(path, fps, topic)  # a sensor of a rig
     path = Path(text).expanduser()
     if is_camera(text):
+        refuse_rate_of_stream(text, fps)
         from manytouch.sources.cameras.camera import camera_source
 
         request = CameraRequest() if camera is None else camera
@@ -83,7 +93,7 @@ def _joined_source(text: str, fps: float | None, camera: CameraRequest | None) -
     views: list[Source] = []
     try:
         for part in views_of(text):
-            views.append(open_source(part, fps=fps, camera=camera))
+            views.append(open_source(part, fps=None if is_stream(part) else fps, camera=camera))
         return JoinedSource(views, fps=fps)
     except BaseException:
         for view in views:

@@ -157,6 +157,12 @@ def test_options_of_a_camera_are_refused_for_other_sources(
     assert "secret" not in refused
 
 
+def test_a_rate_for_a_stream_is_refused(capsys: pytest.CaptureFixture[str]):
+    assert main(["run", "rtsp://me:secret@127.0.0.1:9/live", "--fps", "10", "--no-view"]) == 2
+    refused = capsys.readouterr().err
+    assert "10 per second cannot be requested of the stream rtsp://127.0.0.1:9/live: omit --fps" in refused
+
+
 def test_the_viewer_has_the_defaults_of_its_options():
     defaults = {name: each.default for name, each in inspect.signature(Viewer).parameters.items()}
     assert (defaults["host"], defaults["max_clients"]) == (options.HOST, options.MAX_CLIENTS)
