@@ -4,12 +4,13 @@ All mistakes of a file are reported at once.
 """
 
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 from scipy.spatial.transform import Rotation
 
 from manytouch.errors import SourceError
@@ -51,7 +52,7 @@ class SensorSection(Section):
 
     name: Name
     source: OneOrSeveral | None = None
-    serial: OneOrSeveral | None = None
+    serial: OneOrSeveral | None = Field(default=None, validate_default=True)
     sensor: Line | None = None
     method: Literal["mechanics", "perimeter", "paper"] | None = None
     fps: Positive | None = None
@@ -69,11 +70,14 @@ class SensorSection(Section):
             )
         return source
 
-    @model_validator(mode="after")
-    def _has_one_source(self) -> "SensorSection":
-        if (self.source is None) == (self.serial is None):
-            raise ValueError(f"sensor {self.name} needs either source or serial")
-        return self
+    @field_validator("serial")
+    @classmethod
+    def _is_instead_of_source(
+        cls, serial: str | list[str] | None, info: ValidationInfo
+    ) -> str | list[str] | None:
+        if "source" in info.data and (info.data["source"] is None) == (serial is None):
+            raise ValueError("a sensor needs either source or serial")
+        return serial
 
 
 class RigFile(Section):
@@ -85,10 +89,8 @@ class RigFile(Section):
 
     @model_validator(mode="after")
     def _names_differ(self) -> "RigFile":
-        names = [sensor.name.casefold() for sensor in self.sensors]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise ValueError(f"several sensors are named {', '.join(twice)}")
+        if mistakes := _same_names([sensor.name for sensor in self.sensors]):
+            raise ValueError(*mistakes)
         return self
 
 
@@ -142,7 +144,8 @@ def load_rig(path: Path) -> Rig:
     try:
         file = RigFile.model_validate(table)
     except ValidationError as error:
-        raise SourceError(all_mistakes(f"rig file {path}", error, RigFile)) from None
+        further = _same_names(_names_in(table))
+        raise SourceError(all_mistakes(f"rig file {path}", error, RigFile, further)) from None
     return Rig(name=file.name, sensors=tuple(_rig_sensor(each, path.parent) for each in file.sensors))
 
 
@@ -166,6 +169,20 @@ def camera_with_serial(serial: str, folder: Path = BY_ID) -> str:
         f"{len(found)} cameras have the serial number {serial!r}, expected one; {folder} contains: "
         f"{names or 'nothing'}"
     )
+
+
+def _names_in(table: Mapping[str, Any]) -> list[str]:
+    """The names of sensors in a file that may be wrong elsewhere."""
+    sensors = table.get("sensors")
+    tables = [each for each in sensors if isinstance(each, dict)] if isinstance(sensors, list) else []
+    return [each["name"] for each in tables if isinstance(each.get("name"), str)]
+
+
+def _same_names(names: list[str]) -> list[str]:
+    """The mistake that several sensors have the same name; empty if none have."""
+    folded = [name.casefold() for name in names]
+    twice = sorted({name for name in folded if folded.count(name) > 1})
+    return [f"several sensors are named {', '.join(twice)}"] if twice else []
 
 
 def _rig_sensor(section: SensorSection, folder: Path) -> RigSensor:

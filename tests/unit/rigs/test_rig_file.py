@@ -1,5 +1,6 @@
 """The rig file: what it states, and its mistakes."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,29 @@ translation_mm = [1.0]
         load_rig(written(tmp_path, text))
     for words in ("schema", "name = 'my hand'", "plugged in again", "unknown key", "translation_mm"):
         assert words in str(caught.value), words
+
+
+def test_mistakes_between_keys_are_listed_with_those_of_single_keys(tmp_path: Path) -> None:
+    text = """
+schema = 1
+name = "hand"
+[[sensors]]
+name = "A"
+source = "sim:one"
+colour = "red"
+[[sensors]]
+name = "a"
+fps = -1.0
+"""
+    with pytest.raises(SourceError) as caught:
+        load_rig(written(tmp_path, text))
+    for words in (
+        "unknown key",
+        "several sensors are named a",
+        "sensors.1.serial: .*either source or serial",
+        "fps",
+    ):
+        assert re.search(words, str(caught.value)), words
 
 
 @pytest.mark.parametrize(

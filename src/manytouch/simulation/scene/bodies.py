@@ -6,12 +6,18 @@ from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from manytouch.errors import SourceError
 from manytouch.limits import MAX_MESH_BYTES
 from manytouch.simulation.fem.contact import indenters
-from manytouch.simulation.scene.motion import Body, Trajectory, concatenate_trajectories, press_trajectory
+from manytouch.simulation.scene.motion import (
+    Body,
+    Trajectory,
+    concatenate_trajectories,
+    press_trajectory,
+    require_ramps,
+)
 from manytouch.values.arrays import read_only
 from manytouch.values.sensor_file.sections import NonNegative, Number, Positive, Section
 
@@ -183,7 +189,14 @@ class _PressSection(Section):
     depth_mm: Positive
     start_s: NonNegative
     end_s: Positive
-    ramp_s: Positive = 0.25
+    ramp_s: Positive = Field(default=0.25, validate_default=True)
+
+    @field_validator("ramp_s")
+    @classmethod
+    def _fits(cls, ramp_s: float, info: ValidationInfo) -> float:
+        if {"start_s", "end_s"} <= info.data.keys():
+            require_ramps(info.data["start_s"], info.data["end_s"], ramp_s)
+        return ramp_s
 
 
 class _Press(_PressSection):
@@ -268,14 +281,20 @@ class _Path(Section):
     points: Annotated[list[Row], Field(min_length=2, max_length=10_000)]
     turns_deg: Annotated[list[Triple], Field(max_length=10_000)] | None = None
 
-    @model_validator(mode="after")
-    def _fits(self) -> "_Path":
-        times = [row[0] for row in self.points]
-        if any(later <= earlier for earlier, later in pairwise(times)):
+    @field_validator("points")
+    @classmethod
+    def _increase(cls, points: list[Row]) -> list[Row]:
+        if any(later[0] <= earlier[0] for earlier, later in pairwise(points)):
             raise ValueError("the times of points (time_s, x_mm, y_mm, depth_mm) must increase")
-        if self.turns_deg is not None and len(self.turns_deg) != len(self.points):
-            raise ValueError(f"turns_deg has {len(self.turns_deg)} rows for {len(self.points)} points")
-        return self
+        return points
+
+    @field_validator("turns_deg")
+    @classmethod
+    def _are_as_many(cls, turns_deg: list[Triple] | None, info: ValidationInfo) -> list[Triple] | None:
+        points = info.data.get("points")
+        if points is not None and turns_deg is not None and len(turns_deg) != len(points):
+            raise ValueError(f"{len(turns_deg)} rows are given for {len(points)} points")
+        return turns_deg
 
     def trajectories(self, pivot_mm: float) -> list[Trajectory]:
         rows = np.array(self.points, dtype=np.float64)

@@ -7,7 +7,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, ValidationInfo, field_validator
 
 from manytouch.errors import SensorError, SourceError
 from manytouch.limits import (
@@ -97,7 +97,7 @@ class _File(Section):
     schema_version: Annotated[int, Field(alias="schema", ge=1, le=1)]
     name: str = Field(default="scene", pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]*$")
     seconds: Positive
-    fps: Positive = 30.0
+    fps: Positive = Field(default=30.0, validate_default=True)
     seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
     sensor: str = Field(default="demo", min_length=1)
     width_px: Count | None = None
@@ -108,18 +108,25 @@ class _File(Section):
     faults: _Faults = Field(default_factory=_Faults)
     bodies: list[BodySection] = Field(default_factory=list, max_length=MAX_SCENE_BODIES)
 
-    @model_validator(mode="after")
-    def _check_amount(self) -> "_File":
-        if self.seconds * self.fps > MAX_SCENE_FRAMES:
+    @field_validator("fps")
+    @classmethod
+    def _has_frames_for_a_recording(cls, fps: float, info: ValidationInfo) -> float:
+        seconds = info.data.get("seconds", 0.0)
+        if seconds * fps > MAX_SCENE_FRAMES:
             raise ValueError(
-                f"{self.seconds:g} s at {self.fps:g} frames per second are too many frames: at most "
+                f"{seconds:g} s at {fps:g} frames per second are too many frames: at most "
                 f"{MAX_SCENE_FRAMES} are allowed"
             )
-        if self.width_px is not None:
-            mistake = size_mistake(self.width_px, round(self.width_px * 9 / 16))
-            if mistake is not None or self.width_px < MIN_WIDTH_PX:
-                raise ValueError(f"width_px: {mistake or f'at least {MIN_WIDTH_PX} px are needed'}")
-        return self
+        return fps
+
+    @field_validator("width_px")
+    @classmethod
+    def _is_a_size(cls, width_px: int | None) -> int | None:
+        if width_px is not None:
+            mistake = size_mistake(width_px, round(width_px * 9 / 16))
+            if mistake is not None or width_px < MIN_WIDTH_PX:
+                raise ValueError(mistake or f"at least {MIN_WIDTH_PX} px are needed")
+        return width_px
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -100,6 +100,18 @@ def held_presses(bodies: tuple[Body, ...]) -> tuple[HeldPress, ...]:
     return tuple(sorted(found, key=lambda press: press.time_s))
 
 
+def require_ramps(start_s: float, end_s: float, ramp_s: float) -> None:
+    """Check the times of a press.
+
+    Raises:
+        ValueError: the ramps do not fit between start and end.
+    """
+    if not 0.0 < ramp_s <= 0.5 * (end_s - start_s):
+        raise ValueError(
+            f"a ramp of {ramp_s:g} s down and another up do not fit between {start_s:g} s and {end_s:g} s"
+        )
+
+
 def press_trajectory(
     start_s: float,
     end_s: float,
@@ -116,10 +128,7 @@ def press_trajectory(
     Raises:
         ValueError: the ramps do not fit between start and end.
     """
-    if not 0.0 < ramp_s <= 0.5 * (end_s - start_s):
-        raise ValueError(
-            f"a ramp of {ramp_s:g} s down and another up do not fit between {start_s:g} s and {end_s:g} s"
-        )
+    require_ramps(start_s, end_s, ramp_s)
     to_mm, turn_to = to_mm or from_mm, turn_to or turn_from
     down_s, up_s = start_s + ramp_s, end_s - ramp_s
     times = [start_s - APPROACH_S, start_s, down_s, up_s, end_s, end_s + APPROACH_S]

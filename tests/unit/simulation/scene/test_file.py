@@ -147,12 +147,37 @@ def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:
         assert words in message
 
 
+def test_mistakes_between_keys_are_named_with_those_of_single_keys(tmp_path: Path) -> None:
+    text = EVERYTHING.replace("seconds = 6.0", "seconds = 1e8").replace("seed = 7", "sede = 7")
+    text = text.replace("width_px = 640", "width_px = 6").replace("end_s = 1.5, turn", "end_s = 0.6, turn")
+    text = text.replace("angle_deg = 60.0", "angle_deg = true").replace(
+        "[1.0, 0.0, -20.0, 2.0]", "[0, 0, 0, 2]"
+    )
+    with pytest.raises(SourceError) as caught:
+        load_scene(written(tmp_path, text))
+    message = str(caught.value)
+    for words in (
+        "sede",
+        "too many frames",
+        "at least 64 px",
+        "do not fit",
+        "angle_deg = True",
+        "must increase",
+    ):
+        assert words in message, words
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
         ("end_s = 1.5, turn", "end_s = 0.6, turn", "do not fit"),
         ("start_s = 2.0, end_s = 3.0", "start_s = 1.2, end_s = 3.0", "overlap"),
         ("[1.0, 0.0, -20.0, 2.0]", "[0.0, 0.0, -20.0, 2.0]", "must increase"),
+        (
+            "2.0], [2.0, 5.0, -20.0, 0.0]] }",
+            "2.0]], turns_deg = [[0, 0, 9]] }",
+            "1 rows are given for 2 points",
+        ),
         ("missing = 3", "missing = 700", "more than the 600"),
         ('sensor = "demo"', 'sensor = "nowhere.toml"', "does not exist"),
         ('file = "body.obj"', 'file = "none.obj"', "cannot read the mesh"),
