@@ -32,9 +32,8 @@ def contents(evaluation: Evaluation) -> dict[str, Any]:
         {
             "schema": SCHEMA,
             "title": evaluation.title,
-            "truth": "; ".join(
-                (evaluation.truth_description, *(f"warning: {each}" for each in evaluation.warnings))
-            ),
+            "truth": evaluation.truth_description,
+            "warnings": list(evaluation.warnings),
             "unit": unit_of(evaluation),
             "methods": list(evaluation.methods),
             "recordings": len(evaluation.trials),

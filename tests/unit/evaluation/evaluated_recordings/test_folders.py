@@ -18,6 +18,7 @@ from manytouch.evaluation.evaluated_recordings.evaluated_recording import Evalua
 from manytouch.evaluation.evaluated_recordings.folders import load_result, load_truth
 from manytouch.evaluation.evaluated_recordings.in_memory import recording_of_readings, recording_of_truths
 from manytouch.evaluation.metrics.comparison import compare, figures
+from manytouch.evaluation.report.page import rendered
 from manytouch.evaluation.report.report_data import contents, plain
 from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable
 from manytouch.values import (
@@ -299,7 +300,11 @@ def test_a_truth_that_may_be_of_another_sensor_is_a_warning(
     with_markers(folders[1], **changed)
     evaluation = evaluate_folders(*folders)
     assert len(evaluation.warnings) == (words is not None)
+    data = contents(evaluation)
+    assert data["warnings"] == list(evaluation.warnings)
+    assert data["truth"] == evaluation.truth_description
+    page = rendered(evaluation, data)
     for sentence in evaluation.warnings:
         assert words is not None
         assert words in sentence
-        assert sentence in contents(evaluation)["truth"]
+        assert f"<b>Warning</b>{sentence}." in page
