@@ -10,6 +10,7 @@ from manytouch import calibration
 from manytouch.calibration import LayoutReport
 from manytouch.calibration.dot_shape import height_over_width
 from manytouch.calibration.dot_sharpness import edge_width_px, is_soft
+from manytouch.calibration.marker_tracks import track_markers
 from manytouch.calibration.rest.first_frames import IN_FRONT_OF_A_SCENE
 from manytouch.calibration.rest.local_bulge import PRESSED_PITCHES
 from manytouch.detection import Appearance, survey
@@ -20,6 +21,7 @@ from manytouch.session.sensors.source_checks import require_region
 from manytouch.sources import Source, open_source
 from manytouch.sources.first_frames import can_be_read_twice, spread_frames
 from manytouch.sources.source import close
+from manytouch.tracking import COMPRESSED_VIDEO
 from manytouch.values import Detections, Frame, Roi
 from manytouch.values.arrays import Scalars
 from manytouch.values.display.text import count_of
@@ -31,7 +33,6 @@ SATURATED_LEVEL = 254.5  # the largest one, also of 16 bits that are scaled to 2
 NOISY_PX, MANY_MISSING = 0.15, 0.1
 ODD_PITCHES = 0.05
 ODD_DOTS = 0.5  # of the ratio of the pitches, as logarithms: halfway between round and squeezed dots
-REPEATED_PX = 0.004  # noise below that of any camera
 
 
 def diagnose(text: str, roi_px: Roi | None = None) -> Iterator[str]:
@@ -82,6 +83,9 @@ def _diagnose_frames(source: Source, text: str, roi_px: Roi | None) -> Iterator[
     )
     yield _describe_rest(layout, len(frames))
     yield _describe_noise(layout)
+    sensor = calibration.sensor_from_rest(frames, name=source.name, roi_px=roi_px)
+    if track_markers(sensor, frames, roi_px).compression_std_px > 0.0:
+        yield f"warning: {COMPRESSED_VIDEO}"
     if source.capabilities.device is None:
         yield f"only the first {len(frames)} frames were looked at: manytouch process looks at all"
 
@@ -227,8 +231,6 @@ def _describe_noise(layout: LayoutReport) -> str:
     if not np.isfinite(layout.noise_px):
         return "noise: unknown, because too few frames are at rest; give a recording of the untouched sheet"
     text = f"noise: {layout.noise_px:.3f} px per marker in the frames at rest"
-    if layout.noise_px < REPEATED_PX:
-        text += "; the video codec repeats blocks that hardly change, so that the camera's noise is not seen"
     if layout.noise_px > NOISY_PX:
         text += "; high: fix the camera, use more light, or lower the gain"
     return text

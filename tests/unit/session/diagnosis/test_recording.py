@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 import moving_scene
+from clips import picture
 from manytouch.session.diagnosis.recording import diagnose
 from manytouch.session.sensors.determine_sensor import START_FRAMES
+from manytouch.tracking import COMPRESSED_VIDEO
 
 PITCH_PX, RADIUS_PX = 40.0, 9.0
 
@@ -57,6 +59,19 @@ def test_an_even_print_gets_no_advice(tmp_path: Path) -> None:
     line = layout_line(write_picture(tmp_path / "even.png", pitch=(1.0, 1.0), radius=(1.0, 1.0)))
     assert line.startswith("layout: 9 rows x 12 columns")
     assert "pitch differs" not in line
+
+
+@pytest.mark.parametrize("changes", ["everywhere", "in a half", "nowhere"])
+def test_compressed_video_is_noticed_as_in_processing(tmp_path: Path, changes: str) -> None:
+    image = picture()
+    for frame in range(START_FRAMES):
+        new = image if changes == "nowhere" else picture(seed=frame)
+        half = 0 if changes == "everywhere" else image.shape[1] // 2
+        image = np.hstack([image[:, :half], new[:, half:]])
+        cv2.imwrite(str(tmp_path / f"{frame:03}.png"), image)
+    lines = list(diagnose(str(tmp_path)))
+    assert (f"warning: {COMPRESSED_VIDEO}" in lines) == (changes == "in a half")
+    assert not any("codec" in line for line in lines)
 
 
 @pytest.mark.parametrize("has_dots", [True, pytest.param(False, marks=pytest.mark.slow)])
