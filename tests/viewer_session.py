@@ -5,18 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from contacts import contact_with
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.values import (
     Command,
     Comparison,
-    Contact,
     Contacts,
     ContactShape,
     Detections,
     Frame,
     Health,
     OutlineRing,
-    Phase,
     Reading,
     Sensor,
     Surface,
@@ -75,14 +74,12 @@ def reading_of(index: int, depth_mm: float = 2.0, *, at_mm: tuple[float, float] 
     count = len(layout.rest_mm)
     moved = np.zeros((count, 3))
     moved[:, 2] = -depth_mm * np.exp(-np.sum((layout.rest_mm[:, :2] - at_mm) ** 2, axis=1) / 200.0)
-    contact = Contact(
+    contact = contact_with(
         id=7,
-        phase=Phase.MOVE,
         centre_mm=np.array(at_mm),
         centre_px=np.array([100.0, 90.0]),
         depth_mm=depth_mm,
         force_N=np.array([np.nan, np.nan, -1.5]),
-        torque_Nmm=float("nan"),
         area_mm2=50.0,
         half_major_mm=5.0,
         half_minor_mm=3.0,

@@ -6,24 +6,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from contacts import contact_with
 from manytouch.errors import SensorError
 from manytouch.estimation.contact_tracker import ContactTracker
 from manytouch.simulation.demo_sensor import demo_sensor
-from manytouch.values import Camera, Contact, Contacts, Phase, Sensor, Status
+from manytouch.values import Camera, Contact, Contacts, Sensor, Status
 
 SENSOR = demo_sensor(640)  # pitch 4 mm
 TRACKER = ContactTracker()
 
 
 def contact(x: float, y: float, depth: float = 1.0, force_mm2: float = np.nan) -> Contact:
-    return Contact(
+    return contact_with(
         id=-1,
-        phase=Phase.MOVE,
         centre_mm=np.array([x, y], dtype=np.float64),
         centre_px=np.array([10.0 * x, 10.0 * y]),
         depth_mm=depth,
-        force_N=np.full(3, np.nan),
-        torque_Nmm=np.nan,
         area_mm2=20.0,
         covariance=np.eye(8),
         normal_force_over_E_mm2=force_mm2,

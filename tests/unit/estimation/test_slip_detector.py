@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from contacts import contact_with
 from manytouch.estimation.slip_detector import SlipDetector, SlipState
 from manytouch.values import Contact, Contacts, Phase
 
@@ -10,16 +11,11 @@ DETECT = SlipDetector()
 
 
 def contact(x_mm: float, shear: float, *, id_: int = 3, phase: Phase = Phase.MOVE) -> Contact:
-    return Contact(
+    return contact_with(
         id=id_,
         phase=phase,
         centre_mm=np.array([x_mm, 0.0]),
-        centre_px=np.zeros(2),
-        depth_mm=1.0,
-        force_N=np.full(3, np.nan),
-        torque_Nmm=np.nan,
         area_mm2=10.0,
-        covariance=np.full((8, 8), np.nan),
         normal_force_over_E_mm2=1.0,
         shear_over_E_mm2=(0.6 * shear, 0.8 * shear),
     )

@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
+from contacts import contact_with
 from manytouch.recording.json_codec import from_json, to_json
 from manytouch.simulation.demo_sensor import demo_sensor
-from manytouch.values import Contact, ContactShape, OutlineRing, Phase
+from manytouch.values import Contact, ContactShape, OutlineRing
 
 ARRAYS = st.sampled_from(["float64", "float32", "int64", "int32", "uint8", "bool"]).flatmap(
     lambda dtype: npst.arrays(dtype, npst.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=4))
@@ -24,17 +25,7 @@ NESTED = st.recursive(
     max_leaves=8,
 )
 
-CONTACT = Contact(
-    id=3,
-    phase=Phase.MOVE,
-    centre_mm=np.zeros(2),
-    centre_px=np.zeros(2),
-    depth_mm=1.0,
-    force_N=np.zeros(3),
-    torque_Nmm=np.nan,
-    area_mm2=0.5,
-    covariance=np.zeros((8, 8)),
-)
+CONTACT = contact_with(id=3, force_N=np.zeros(3), area_mm2=0.5, covariance=np.zeros((8, 8)))
 
 
 def again(value: object) -> object:

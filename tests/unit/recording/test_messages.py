@@ -2,41 +2,24 @@
 
 import json
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
+from contacts import contact_with
 from manytouch.errors import SourceError
 from manytouch.recording.messages import READING_SCHEMA, decode_reading, encode_reading
 from manytouch.sources.simulated import simulated_source
 from manytouch.values import (
-    Contact,
     Contacts,
     ContactShape,
     Detections,
     Interpolation,
     OutlineRing,
-    Phase,
     Reading,
 )
 
 TRIANGLE_MM = np.array([[0.0, 0.0], [1.23456, 0.0], [0.0, 1.0]])
-
-
-def contact(**changes: Any) -> Contact:
-    return Contact(
-        id=2,
-        phase=Phase.MOVE,
-        centre_mm=np.zeros(2),
-        centre_px=np.zeros(2),
-        depth_mm=1.0,
-        force_N=np.full(3, np.nan),
-        torque_Nmm=np.nan,
-        area_mm2=np.nan,
-        covariance=np.full((8, 8), np.nan),
-        **changes,
-    )
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +38,8 @@ def reading() -> Reading:
         surface=truth.surface,
         contacts=Contacts(
             contacts=(
-                contact(),
-                contact(
+                contact_with(),
+                contact_with(
                     half_major_mm=2.0,
                     orientation_rad=0.25,
                     shape=ContactShape.PATCH,

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from contacts import contact_with
 from manytouch.rigs.rig_contact import COLUMNS, RigContact, in_rig
 from manytouch.rigs.rig_file import RigSensor
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sinks.files.tables import contact_column_names
-from manytouch.values import Contact, Frame, Phase
+from manytouch.values import Frame, Phase
 
 FRAME = Frame(index=7, timestamp_ns=1_500_000_000, camera="", image=None)
-CONTACT = Contact(
+CONTACT = contact_with(
     id=3,
     phase=Phase.START,
     centre_mm=np.array([1.0, 2.0]),

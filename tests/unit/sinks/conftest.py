@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from contacts import contact_with
 from layouts import lattice_layout
 from manytouch.values import (
     Command,
@@ -44,17 +45,12 @@ def make_contact(number: int = 1, phase: Phase = Phase.MOVE, **changes: object) 
     covariance = np.full((8, 8), np.nan)
     covariance[[0, 1, 2], [0, 1, 2]] = [0.04, 0.09, 0.25]
     known = {
-        "id": number,
-        "phase": phase,
         "centre_mm": np.array([2.5, -1.25]),
         "centre_px": np.array([179.5, 109.5]),
         "depth_mm": 1.5,
-        "force_N": np.full(3, np.nan),
-        "torque_Nmm": np.nan,
-        "area_mm2": np.nan,
         "covariance": covariance,
     }
-    return Contact(**(known | changes))
+    return contact_with(id=number, phase=phase, **(known | changes))
 
 
 def make_reading(

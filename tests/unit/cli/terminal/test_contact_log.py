@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from contacts import contact_with
 from manytouch.cli.terminal.contact_log import ContactLog
 from manytouch.values import (
     Contact,
@@ -38,15 +39,11 @@ SURFACE = Surface(
 def contact(number: int, phase: Phase, depth_mm: float, x_mm: float = 3.0) -> Contact:
     covariance = np.full((8, 8), np.nan)
     covariance[2, 2] = 0.25
-    return Contact(
+    return contact_with(
         id=number,
         phase=phase,
         centre_mm=np.array([x_mm, -2.0]),
-        centre_px=np.zeros(2),
         depth_mm=depth_mm,
-        force_N=np.full(3, np.nan),
-        torque_Nmm=np.nan,
-        area_mm2=np.nan,
         covariance=covariance,
     )
 

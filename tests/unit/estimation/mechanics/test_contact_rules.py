@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from contacts import contact_with
 from manytouch.estimation.mechanics.clusters.force_clusters import ForceClusters
 from manytouch.estimation.mechanics.contact_rules import ContactRules
 from manytouch.estimation.mechanics.inversion.gauss_newton import GaussNewton
 from manytouch.estimation.mechanics.inversion.sheet_model import NominalSheet
 from manytouch.estimation.mechanics.inversion.sheet_parameters import ParameterResponse
 from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
-from manytouch.values import Contact, Phase
+from manytouch.values import Contact
 from pressed_sheet import contacts_of, pressed, slack_sensor
 
 USUAL_STD_PX = 0.03
@@ -167,16 +168,10 @@ def test_a_contact_that_is_not_found_lasts_while_a_share_of_its_force_is_left(
 
 
 def contact_at(centre_mm: np.ndarray, force_mm2: float, half_major_mm: float) -> Contact:
-    return Contact(
+    return contact_with(
         id=0,
-        phase=Phase.MOVE,
         centre_mm=centre_mm,
-        centre_px=np.zeros(2),
-        depth_mm=1.0,
-        force_N=np.full(3, np.nan),
-        torque_Nmm=np.nan,
         area_mm2=10.0,
-        covariance=np.full((8, 8), np.nan),
         normal_force_over_E_mm2=force_mm2,
         half_major_mm=half_major_mm,
     )

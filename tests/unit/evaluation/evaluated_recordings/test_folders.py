@@ -12,6 +12,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
+from contacts import contact_with
 from layouts import lattice_layout
 from manytouch.evaluation.compare_folders import evaluate_folders
 from manytouch.evaluation.evaluated_recordings.evaluated_recording import EvaluationError
@@ -22,7 +23,6 @@ from manytouch.evaluation.report.page import rendered
 from manytouch.evaluation.report.report_data import contents, plain
 from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable
 from manytouch.values import (
-    Contact,
     Contacts,
     Detections,
     Frame,
@@ -56,9 +56,8 @@ def reading(sensor: Sensor, index: int, *, wrong: float) -> Reading:
     seen[0] = wrong == 0
     covariance = np.zeros((8, 8))
     covariance[range(8), range(8)] = 0.04
-    contact = Contact(
+    contact = contact_with(
         id=3,
-        phase=Phase.MOVE,
         centre_mm=np.array([1.0 + wrong, 2.0]),
         centre_px=np.array([170.0, 110.0]),
         depth_mm=0.5 * index * (1 + wrong),
