@@ -101,6 +101,15 @@ def test_a_scheduler_that_does_not_answer_is_an_error(monkeypatch: pytest.Monkey
         connect("tcp://127.0.0.1:9")
 
 
+@pytest.mark.parametrize("address", ["hpc", "other://hpc:8786"])
+def test_an_address_that_dask_cannot_read_is_refused_before_a_client_is_made(
+    address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("distributed.Client", None)
+    with pytest.raises(ManytouchError, match=rf"no dask scheduler answers at {address} \(.*give the address"):
+        connect(address)
+
+
 OPTIONS = """
 jobs = 3
 cores = 2

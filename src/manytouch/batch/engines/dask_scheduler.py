@@ -147,8 +147,10 @@ def connect(address: str, wait: WorkerWait | None = None) -> DaskEngine:
     """
     require_dask()
     from distributed import Client
+    from distributed.comm.addressing import resolve_address
 
     try:
+        resolve_address(address)  # a client that cannot read its address does not close
         client = Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise ManytouchError(
