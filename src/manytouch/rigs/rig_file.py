@@ -137,10 +137,6 @@ def load_rig(path: Path) -> Rig:
         table = read_toml(path, "a rig file", SourceError)
     except FileNotFoundError:
         raise SourceError(f"the rig file {path} does not exist: give the path of an existing one") from None
-    if "sensors" not in table and {"camera", "views", "markers"} & set(table):
-        raise SourceError(f"{path} is a sensor file, not a rig file: manytouch run SOURCE --sensor {path}")
-    if "sensors" not in table and {"bodies", "seconds"} & set(table):
-        raise SourceError(f"{path} is a scene file, not a rig file: manytouch run sim:{path}")
     try:
         file = RigFile.model_validate(table)
     except ValidationError as error:

@@ -1,8 +1,10 @@
 """Reads TOML files that others may have written: size, nesting and number of keys are limited."""
 
+import codecs
 import re
 import string
 import tomllib
+from collections.abc import Mapping
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
@@ -28,6 +30,17 @@ _NO_SYNTAX = re.compile(
     r"|'(?!'')[^'\n]*'"
     r"|[\"'][\s\S]*"
 )
+_KEYS = {
+    "a rig file": {"sensors"},
+    "a scene file": {"bodies", "seconds", "board"},
+    "a sensor file": {"camera", "views", "sheet", "markers"},
+}
+"""Keys by which files of one kind are known where another kind is expected."""
+_USES = {
+    "a rig file": "manytouch run {path}",
+    "a scene file": "manytouch simulate {path} --out DIR, or manytouch run sim:{path}",
+    "a sensor file": "manytouch run SOURCE --sensor {path}",
+}
 _NAME = np.zeros(256, dtype=np.bool_)
 _NAME[[ord(letter) for letter in string.ascii_letters + string.digits + "-_. \t"]] = True
 
@@ -42,7 +55,8 @@ def read_toml(path: Path | Traversable, kind: str, error: type[ManytouchError]) 
 
     Raises:
         FileNotFoundError: it does not exist.
-        ManytouchError: of the class `error`: it cannot be read, is not TOML, or exceeds a limit.
+        ManytouchError: of the class `error`: it cannot be read, is not TOML, exceeds a limit, or is a file of
+            another kind.
     """
     try:
         with path.open("rb") as file:
@@ -55,6 +69,8 @@ def read_toml(path: Path | Traversable, kind: str, error: type[ManytouchError]) 
     except IsADirectoryError:
         raise error(f"{path} is a folder: give the path of {kind} (.toml)") from None
     except UnicodeDecodeError:
+        if b"\0" in content and not content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            raise error(f"{path} is not a text file: give the path of {kind} (.toml)") from None
         raise error(f"{path} cannot be read as {kind}: it is not text in UTF-8; save it as such") from None
     except (OSError, ValueError) as reason:
         raise error(f"{path} cannot be read as {kind}: {reason}") from None
@@ -62,9 +78,20 @@ def read_toml(path: Path | Traversable, kind: str, error: type[ManytouchError]) 
     if mistake is not None:
         raise error(f"{path} is no usable TOML: {mistake}")
     try:
-        return tomllib.loads(text)
+        table = tomllib.loads(text)
     except ValueError as reason:  # TOMLDecodeError, or an integer of more than 4300 digits
         raise error(f"{path} is not valid TOML: {reason}") from None
+    other = _other_kind(table, kind)
+    if other is not None:
+        raise error(f"{path} is {other}, not {kind}: {_USES[other].format(path=path)}")
+    return table
+
+
+def _other_kind(table: Mapping[str, Any], kind: str) -> str | None:
+    """Which other kind of file has keys of a table that has none of its own kind; None: none has."""
+    if _KEYS.get(kind, set()) & table.keys():
+        return None
+    return next((other for other, keys in _KEYS.items() if keys & table.keys()), None)
 
 
 def complexity_mistake(text: str) -> str | None:

@@ -1,8 +1,11 @@
 """TOML that would take much time or memory is refused before it is parsed; other TOML is read as it is."""
 
+import re
 import tomllib
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -57,6 +60,30 @@ def test_other_unusable_files_are_refused(text: str | bytes, words: str, tmp_pat
 
 def test_text_in_another_encoding_is_refused_with_what_to_do(tmp_path: Path) -> None:
     assert "it is not text in UTF-8; save it as such" in refusal('name = "é"'.encode("latin-1"), tmp_path)
+
+
+def test_a_picture_is_refused_as_no_text(tmp_path: Path) -> None:
+    _, png = cv2.imencode(".png", np.zeros((8, 8), np.uint8))
+    assert "is not a text file: give the path of a sensor file (.toml)" in refusal(png.tobytes(), tmp_path)
+    assert "it is not text in UTF-8; save it as such" in refusal("name = 1".encode("utf-16"), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("seconds = 1.0", "is a scene file, not a sensor file: manytouch simulate .*a.toml --out DIR"),
+        ("[board]", "is a scene file, not a sensor file: "),
+        ("[[sensors]]", "is a rig file, not a sensor file: manytouch run .*a.toml"),
+    ],
+)
+def test_a_file_of_another_kind_is_refused_with_what_it_is_for(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.toml"
+    assert re.search(words, refusal(text, tmp_path))
+    assert read_toml(path, words.split(",", maxsplit=1)[0].removeprefix("is "), SensorError)
+    with pytest.raises(SensorError, match=words.partition(",")[0]):
+        read_toml(path, "SLURM options", SensorError)
+    path.write_text(f"{text}\n[camera]")
+    assert read_toml(path, "a sensor file", SensorError)
 
 
 def test_a_folder_is_refused(tmp_path: Path) -> None:
