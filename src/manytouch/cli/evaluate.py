@@ -4,7 +4,7 @@ import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
-from cyclopts import Parameter
+from cyclopts import Parameter, validators
 
 from manytouch.cli.terminal import options
 from manytouch.cli.terminal.failures import usage_error
@@ -73,7 +73,12 @@ def evaluate(
         ),
     ] = None,
     processes: Annotated[
-        int, Parameter(negative=(), help="Number of cases that are processed in parallel.")
+        int,
+        Parameter(
+            negative=(),
+            validator=validators.Number(gte=1),
+            help="Number of cases that are processed in parallel.",
+        ),
     ] = 2,
 ) -> int:
     """Compare results with ground truth: dots, depth, contacts, forces, two-point resolution, latency.
@@ -108,7 +113,7 @@ def evaluate(
     check_writable(out)  # before what may be hours of work
     reporter = Reporter(bar=False)
     if paper:
-        return _paper(method, cache=cache, processes=max(processes, 1), out=out)
+        return _paper(method, cache=cache, processes=processes, out=out)
     trial_folder = out / ".trials"
     if given:
         from manytouch.evaluation.compare_folders import evaluate_folders
@@ -118,9 +123,7 @@ def evaluate(
         from manytouch.evaluation.suite.suite import cases
 
         chosen = cases(tuple(group or GROUPS), quick=quick, tuning=tuning)
-        evaluation = _suite(
-            chosen, method, cache=cache, processes=max(processes, 1), trial_folder=trial_folder
-        )
+        evaluation = _suite(chosen, method, cache=cache, processes=processes, trial_folder=trial_folder)
         if not evaluation.trials:
             reporter.print("no case was completed, so there is no report")
             return 0

@@ -33,6 +33,7 @@ def run(*words: str) -> Any:
         (("a", "b", "--method", "paper", "--out", "x"), "are for the suite"),
         (("--method", "nonsense", "--out", "x"), "nonsense"),
         (("--group", "easy", "--out", "x"), "easy"),
+        (("--processes", "0", "--out", "x"), "Must be >= 1"),
         (("--quick",), "--out"),
     ],
 )
