@@ -83,7 +83,7 @@ class SensorSection(Section):
 class RigFile(Section):
     """Content of a rig file."""
 
-    schema_: Literal[1] = Field(alias="schema")
+    schema_: Literal[1] = Field(alias="schema", examples=[1])
     name: Name
     sensors: Annotated[list[SensorSection], Field(min_length=1, max_length=64)]
 

@@ -96,6 +96,8 @@ def test_a_rig_that_cannot_be_meant_is_refused(tmp_path: Path, change: tuple[str
         load_rig(written(tmp_path, GOOD.replace(*change)))
     with pytest.raises(SourceError, match="does not exist"):
         load_rig(tmp_path / "none.toml")
+    with pytest.raises(SourceError, match="schema is missing: give 1; name is missing"):
+        load_rig(written(tmp_path, ""))
 
 
 def test_a_camera_is_found_by_its_serial_number(tmp_path: Path) -> None:

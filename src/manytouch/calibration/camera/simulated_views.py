@@ -61,7 +61,7 @@ class _Lens(Section):
 
 
 class _File(Section):
-    schema_version: Annotated[int, Field(alias="schema", ge=1, le=1)]
+    schema_version: Annotated[int, Field(alias="schema", ge=1, le=1, examples=[1])]
     name: str = "board"
     sensor: Annotated[str, Field(min_length=1)]
     seed: Annotated[int, Field(ge=0, lt=2**31)] = 0

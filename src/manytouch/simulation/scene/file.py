@@ -94,7 +94,7 @@ class _Solid(Section):
 
 
 class _File(Section):
-    schema_version: Annotated[int, Field(alias="schema", ge=1, le=1)]
+    schema_version: Annotated[int, Field(alias="schema", ge=1, le=1, examples=[1])]
     name: str = Field(default="scene", pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]*$")
     seconds: Positive
     fps: Positive = Field(default=30.0, validate_default=True)
@@ -231,7 +231,10 @@ def load_scene(path: str | Path | Traversable, *, width_px: int | None = None) -
     try:
         table = read_toml(path, "a scene file", SourceError)
     except FileNotFoundError:
-        raise SourceError(f"no scene file was found at {path}: give the path of an existing .toml") from None
+        own = f"; sim:{path} is a built-in scene" if str(path) in built_in_scenes() else ""
+        raise SourceError(
+            f"no scene file was found at {path}: give the path of an existing .toml{own}"
+        ) from None
     try:
         checked = _File.model_validate(table)
     except ValidationError as error:

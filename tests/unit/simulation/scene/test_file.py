@@ -251,6 +251,10 @@ def test_settings_of_a_pad_that_do_not_fit_are_refused(tmp_path: Path, text: str
 def test_no_file_no_scene(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="no scene file"):
         load_scene(tmp_path / "none.toml")
+    with pytest.raises(SourceError, match="sim:fingers is a built-in scene"):
+        load_scene("fingers")
+    with pytest.raises(SourceError, match="schema is missing: give 1; seconds is missing"):
+        load_scene(written(tmp_path, ""))
 
 
 def test_a_sensor_file_next_to_the_scene_is_taken(tmp_path: Path) -> None:
