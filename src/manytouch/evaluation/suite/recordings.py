@@ -78,7 +78,7 @@ class FemSimulation:
             return None
         states = self.solutions.known(case)
         if states is None:
-            return "it is not solved yet"
+            return "no solution is known yet"
         return None if len(states) == state_count(case) else "no equilibrium was found"
 
     def simulate(self, case: Case) -> SimulatedRecording:

@@ -45,7 +45,7 @@ def test_a_case_is_solved_once_and_simulated_from_what_is_kept(tmp_path: Path, s
     solutions = Solutions(folder=tmp_path / "kept")
     simulation = FemSimulation(solutions=solutions)
     assert isinstance(simulation, CaseSimulation)
-    assert simulation.refusal(CASE) == "it is not solved yet"
+    assert simulation.refusal(CASE) == "no solution is known yet"
     solve_missing((CASE,), solutions)
     solve_missing((CASE,), solutions)
     assert solved == [CASE.title]
