@@ -37,17 +37,14 @@ def is_stream(text: str) -> bool:
     return "://" in text and not text.startswith(VIEWS_PREFIX)
 
 
-def refuse_rate_of_stream(text: str, fps: float | None) -> None:
-    """Refuse a frame rate for a single stream, which has that of its sender.
-
-    Raises:
-        SourceError: one is given.
-    """
-    if fps is not None and is_stream(text):
-        raise SourceError(
-            f"A frame rate of {fps:g} per second cannot be requested of the stream {without_password(text)}: "
-            "omit --fps (fps in a rig file), or set the rate where the stream is sent."
-        )
+def unused_rate(text: str, fps: float | None) -> str | None:
+    """A warning that a frame rate is given for a single stream, which has that of its sender; else None."""
+    if fps is None or not is_stream(text):
+        return None
+    return (
+        f"a frame rate of {fps:g} per second cannot be requested of the stream {without_password(text)}: "
+        "--fps is not used; set the rate where the stream is sent"
+    )
 
 
 def split_topic(text: str) -> tuple[str, str | None]:

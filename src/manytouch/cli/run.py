@@ -6,8 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from manytouch.cli.terminal import method_options, options
-from manytouch.cli.terminal.failures import usage_errors
-from manytouch.source_names import refuse_rate_of_stream, require_existing
+from manytouch.source_names import require_existing, unused_rate
 
 
 def run(
@@ -92,8 +91,6 @@ def run(
         )
     options.refuse_two_scales("run", sensor, pitch_mm, hfov_deg)
     options.refuse_camera_options("run", source, camera_options)
-    with usage_errors("run"):
-        refuse_rate_of_stream(source, fps)
     parameters = interpolation.parameters("run", method) | paper.parameters("run", method)
     require_existing([source])
     from manytouch.cli.terminal.console import Reporter
@@ -104,6 +101,8 @@ def run(
     from manytouch.sources.cameras.capture import CameraRequest
 
     reporter = Reporter(bar=False)
+    if warning := unused_rate(source, fps):
+        reporter.print(f"  warning: {warning}")
     address = None if no_view else ViewerAddress(host=host, port=port, token=token, max_clients=max_clients)
     outputs = Outputs(to=to, address=address, reporter=reporter)
     with StopOnSignal(is_live=True) as stop:

@@ -12,7 +12,6 @@ from manytouch.source_names import (
     VIEWS_PREFIX,
     is_camera,
     is_stream,
-    refuse_rate_of_stream,
     split_topic,
     views_of,
     why_missing,
@@ -44,12 +43,12 @@ def open_source(
             number, device or address of a camera; `views:SOURCE,SOURCE` for several cameras on one sheet, in
             the order of its sensor file; `sim:` or `sim:SCENE`.
         fps: rate in frames per second that timestamps follow instead of the source's own; of a camera, the
-            rate to request. A single stream has the rate of its sender; of streams as views it is the one by
-            which their frames are joined if they do not report theirs.
+            rate to request. A single stream has the rate of its sender, whatever is given; streams as views
+            that do not report theirs are joined by it.
         camera: what else to request of a camera.
 
     Raises:
-        SourceError: it does not exist, cannot be decoded, or is a stream and a rate is given.
+        SourceError: it does not exist, or cannot be decoded.
     """
     fps = plain(fps)
     require_type("fps", fps, (int, float, NoneType), "a number of frames per second")
@@ -78,7 +77,6 @@ def open_source(
         return replay_source(path, fps, topic)  # a sensor of a rig
     path = Path(text).expanduser()
     if is_camera(text):
-        refuse_rate_of_stream(text, fps)
         from manytouch.sources.cameras.camera import camera_source
 
         request = CameraRequest() if camera is None else camera

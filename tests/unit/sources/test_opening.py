@@ -89,12 +89,6 @@ def test_a_camera_that_is_not_there_is_one_sentence(text: str, capfd: pytest.Cap
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_rate_is_no_request_of_a_stream_but_joins_streams_as_views() -> None:
-    stream = "http://127.0.0.1:9/live.mjpg"
-    assert "cannot be requested of the stream" in refusal(stream, fps=10.0)
-    assert "does not open" in refusal(f"views:{stream},{stream}", fps=10.0)
-
-
 def test_a_password_is_not_repeated() -> None:
     assert "secret" not in refusal("http://me:secret@127.0.0.1:9/live.mjpg")
 
