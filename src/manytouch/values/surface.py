@@ -68,6 +68,7 @@ class SheetSpline:
         clamped_end: conditions on a clamped outline; see `geometry.spline.SplinePatch`.
         pretension_over_E_mm, pretension_std_over_E_mm: membrane force per length at rest divided by Young's
             modulus, and its standard deviation; NaN where it is not known.
+        thickness_std_mm: standard deviation of the thickness of an assumed sheet; NaN of a known one.
         coefficient_mm: (nodes, 3) of the displacement along x and y and of the bending deflection b, in the
             order of `geometry.spline.SplinePatch`.
         force_over_E_mm2: (nodes, 3) nodal forces on the sheet divided by Young's modulus.
@@ -88,6 +89,7 @@ class SheetSpline:
     clamped_end: tuple[float, float, float] = (0.0, 0.0, 0.0)
     pretension_over_E_mm: float = float("nan")
     pretension_std_over_E_mm: float = float("nan")
+    thickness_std_mm: float = float("nan")
 
     __reduce__ = reduced
 

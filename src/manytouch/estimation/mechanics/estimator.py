@@ -31,15 +31,21 @@ from manytouch.estimation.mechanics.contacts import ContactEstimator
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, GaussNewton
 from manytouch.estimation.mechanics.inversion.sheet_model import MIN_MARKERS, NominalSheet, checked_layout
 from manytouch.estimation.mechanics.inversion.sheet_parameters import (
+    PretensionEstimate,
     PretensionEstimator,
-    parameter_response,
     sheet_variants,
 )
 from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
+from manytouch.estimation.mechanics.inversion.thickness import (
+    SearchedPress,
+    ThicknessEstimate,
+    ThicknessEstimator,
+)
 from manytouch.estimation.mechanics.marker_noise import MarkerNoise, marker_variances_px2, with_excess
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState
+from manytouch.estimation.mechanics.sheet_updates import with_pretension, with_response, with_sheet_of
 from manytouch.estimation.mechanics.surface_covariance import DisplacementCovariance
-from manytouch.estimation.mechanics.undescribed_frames import UndescribedFrames
+from manytouch.estimation.mechanics.undescribed_frames import UndescribedFrames, WithoutSheet
 from manytouch.estimation.mechanics.view_motion import ViewMotion
 from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.perimeter.marker_surface import unknown_surface
@@ -48,7 +54,7 @@ from manytouch.estimation.slip_detector import SlipDetector, SlipState
 from manytouch.geometry.camera import mm_per_px
 from manytouch.geometry.neighbours import nearest_neighbours
 from manytouch.geometry.refraction import rest_px
-from manytouch.values import Contacts, Sensor, Status, Surface, TrackedGrid
+from manytouch.values import Contacts, Sensor, Sheet, Status, Surface, TrackedGrid
 from manytouch.values.arrays import Covariances2, Mask, Points2, read_only
 from manytouch.values.sensor_file.assumed_sheet import assumed_sheet
 
@@ -71,6 +77,7 @@ class MechanicsEstimator:
         contact_rules: which groups are contacts.
         contact_estimator: contacts with their covariances.
         pretension: estimate of a pretension that the sensor does not state.
+        thickness: estimate of the thickness of an assumed sheet.
         contact_tracker: identities of contacts.
         surface_error: covariances of the marker displacements.
         reference_drift: update of the reference while nothing touches the sheet.
@@ -92,6 +99,7 @@ class MechanicsEstimator:
     contact_rules: ContactRules = field(default_factory=ContactRules)
     contact_estimator: ContactEstimator = field(default_factory=ContactEstimator)
     pretension: PretensionEstimator = field(default_factory=PretensionEstimator)
+    thickness: ThicknessEstimator = field(default_factory=ThicknessEstimator)
     contact_tracker: ContactTracker = field(default_factory=lambda: ContactTracker(confirm_frames=1))
     surface_error: DisplacementCovariance = field(default_factory=DisplacementCovariance)
     reference_drift: ReferenceDrift = field(default_factory=ReferenceDrift)
@@ -116,14 +124,27 @@ class MechanicsEstimator:
                     "MechanicsEstimator(pad=PadEstimator()), or the method perimeter or paper"
                 )
             return self.pad.start(sensor)
+        return self._start(sensor, sheet, self.undescribed_frames.start(sensor))
+
+    def _start(
+        self,
+        sensor: Sensor,
+        sheet: Sheet,
+        without_sheet: WithoutSheet,
+        pretension: PretensionEstimate | None = None,
+    ) -> MechanicsState:
+        """The state before the first frame on a clamped sheet, with a pretension if one is known already."""
+        layout = checked_layout(sensor)
         pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
         pitch_px = pitch_mm / mm_per_px(sensor.camera)
         model_std_px = self.marker_noise.constant_std_px(pitch_px, pitch_mm / sheet.thickness_mm, sensor)
         usual_std_px = self.marker_noise.usual_std_px(model_std_px)
-        model = self.nominal_sheet(replace(sensor, sheet=sheet), usual_std_px)
-        pretension = self.pretension.start(model, sheet)
-        if pretension.is_estimated:
-            model = model.with_pretension(pretension.mean_mm)
+        stretched_mm = None if pretension is None else pretension.mean_mm
+        model = self.nominal_sheet(replace(sensor, sheet=sheet), usual_std_px, stretched_mm)
+        if pretension is None:
+            pretension = self.pretension.start(model, sheet)
+            if pretension.is_estimated:
+                model = model.with_pretension(pretension.mean_mm)
         at_rest_px, shape = rest_px(sensor, layout), SheetShape.at_rest(model)
         weight_per_mm4 = self.gauss_newton.weights(model, shape, usual_std_px=usual_std_px)
         centre_noise_px = sensor.centre_noise_px or self.marker_noise.default_centre_noise_px
@@ -140,17 +161,27 @@ class MechanicsEstimator:
             model_std_px=model_std_px,
             shape=shape,
             pretension=pretension,
+            thickness=self.thickness.start(sensor, sheet, pitch_mm),
             variants=sheet_variants(model, sheet),
             previous=EarlierClusters.none(),
             slip=SlipState(),
             tracks=self.contact_tracker.start(sensor),
-            without_sheet=self.undescribed_frames.start(sensor),
+            without_sheet=without_sheet,
         )
 
     def step(self, state: Any, grid: TrackedGrid) -> tuple[Any, Surface, Contacts]:
         """Surface and contacts of the next frame. It never raises; an unusable frame has a status."""
         if self.pad is not None and not isinstance(state, MechanicsState):
             return self.pad.step(state, grid)
+        if not state.model.is_assumed:
+            return self._step(state, grid)
+        sheet = self.thickness.new_sheet(state.thickness, state.model)
+        if sheet is not None:
+            state = self._with_sheet(state, sheet)
+        after, surface, contacts = self._step(state, grid)
+        return self._update_thickness(after, grid), surface, contacts
+
+    def _step(self, state: MechanicsState, grid: TrackedGrid) -> tuple[MechanicsState, Surface, Contacts]:
         model, rules = state.model, self.undescribed_frames
         if model.is_assumed:
             state = replace(state, without_sheet=rules.step(state.without_sheet, grid))
@@ -179,7 +210,7 @@ class MechanicsEstimator:
         """A frame that the sheet describes: its contacts are the clusters of the forces of the fit."""
         model, status, earlier_response = state.model, grid.status, state.response
         noise = self.marker_noise.noise_ratio(grid, state.model_std_px)
-        state = self._with_response(state, fit)
+        state = with_response(state, fit)
         forces = ForcePosterior(model, fit)
         clusters = self._clusters(state, fit, forces, noise=noise)
         shape = forces.unbiased_shape(clusters.fitted_mm2)
@@ -196,7 +227,8 @@ class MechanicsEstimator:
         if friction is not None:
             shape = shape.moved(model, friction.change_mm, friction.force_change_mm2)
             clusters = replace(clusters, centre_mm=clusters.centre_mm + friction.centre_change_mm)
-        surface = self._surface(state, grid, shape, clusters, status)
+        std_px = self.marker_noise.frame_std_px(grid, state.model_std_px)
+        surface = state.surface(self.surface_error, grid, shape, clusters, std_px)
         may_start = self._may_start(state, clusters, fit) & (stds >= self.contact_rules.start_stds)
         after, contacts = self._track(
             state.with_fit(fit),
@@ -208,55 +240,60 @@ class MechanicsEstimator:
             status=status,
         )
         if status is Status.OK and not after.tracks.tracks and not may_start.any():
-            after = self._update_reference(after, grid)
+            after = after.with_drift(self.reference_drift, grid)
             at_rest = self.undescribed_frames.at_rest(model, after.without_sheet, grid)
             after = replace(after, without_sheet=at_rest)
         if state.response is not earlier_response and status is Status.OK and contacts.touching:
-            after = self._update_pretension(after, fit, clusters)
+            after = with_pretension(after, self.pretension, fit, clusters)
         return after, surface, contacts
 
-    def _with_response(self, state: MechanicsState, fit: Fit) -> MechanicsState:
-        """The state with the response of the last full step to the parameters of the sheet.
+    def _with_sheet(self, state: MechanicsState, sheet: Sheet) -> MechanicsState:
+        """The state on an assumed sheet as presses have shown it, from rest."""
+        pretension = state.pretension.times(sheet.thickness_mm / state.model.thickness_mm)
+        fresh = self._start(state.thickness.sensor, sheet, state.without_sheet, pretension)
+        return with_sheet_of(replace(state, thickness=replace(state.thickness, sheet=sheet)), fresh)
 
-        It is computed in the frame after that step. So a frame takes the time of both only if the frame
-        before had a full step too, if there is no response yet, or if it is the first one with a press.
-        """
-        before, model = state.response, state.model
-        is_new = bool(fit.steps) or (before is not None and before.is_stale(model, fit))
-        is_next = before is not None and before.may_wait(model, fit) and not state.response_is_due
-        if fit.status is not Status.OK or is_next or not (is_new or state.response_is_due):
-            return replace(state, response_is_due=state.response_is_due or is_next)
-        response = parameter_response(model, state.variants, state.pretension, fit)
-        return replace(state, response=response, response_is_due=False)
+    def _update_thickness(self, state: MechanicsState, grid: TrackedGrid) -> MechanicsState:
+        """The state with the thickness of an assumed sheet as a press shows it."""
+        now = state.thickness if state.thickness.press is not None else self._with_press(state, grid)
+        after = self.thickness.with_trials(now, self.gauss_newton, self.nominal_sheet, state.model)
+        return replace(state, thickness=after)
 
-    def _update_pretension(self, state: MechanicsState, fit: Fit, clusters: Clusters) -> MechanicsState:
-        """The state with an unknown pretension as the last frame shows it."""
-        response = state.response
-        if not state.pretension.is_estimated or response is None:
-            return state
-        slope = response.misfit_slope(state.model, fit, clusters.is_pressed)
-        now = self.pretension.update(state.pretension, state.model, *slope)
-        if not self.pretension.is_new_model_due(state.model, now):
-            return replace(state, pretension=now)
-        model = state.model.with_pretension(now.mean_mm)
-        return replace(
-            state,
-            pretension=now,
-            model=model,
-            variants=tuple(each.with_pretension(now.mean_mm) for each in state.variants),
-            shape=SheetShape.at(model, state.shape.coefficient_mm),
-            posterior=None,
-            posterior_frames=0,
+    def _with_press(self, state: MechanicsState, grid: TrackedGrid) -> ThicknessEstimate:
+        """The estimate with the press of a frame, if it is one to search."""
+        now, rules, frames = state.thickness, self.thickness, state.tracks.touching_frames
+        is_usable = grid.status is Status.OK and grid.is_seen.sum() >= MIN_MARKERS
+        if not is_usable or frames.max(initial=0) < rules.frames:
+            return now
+        moved_px, noise_px = self.undescribed_frames.motion_px(grid, state.reference_px)
+        if not rules.is_searched(now, moved_px / state.pitch_px, noise_px / state.pitch_px):
+            return now
+        find_std_px = self.undescribed_frames.model_std_px
+        std_px = find_std_px(state.model, grid, state.reference_px, state.model_std_px)
+        state, grid = replace(state, model_std_px=std_px), with_excess(grid, state.excess_px2)
+        measured_px = self._measured_px(state, grid)
+        press = SearchedPress(
+            measured_px=measured_px,
+            information=self.information(state, grid, measured_px),
+            noise=self.marker_noise.noise_ratio(grid, std_px),
+            usual_std_px=self.marker_noise.usual_std_px(std_px),
+            moved_pitch=moved_px / state.pitch_px,
         )
+        return rules.with_press(now, press)
 
-    def fit_frame(self, state: MechanicsState, grid: TrackedGrid) -> Fit:
-        """The shape of the sheet in the next frame."""
+    def _measured_px(self, state: MechanicsState, grid: TrackedGrid) -> Points2:
+        """(m, 2) displacements of the marker images without the motion of the views; 0 where not seen."""
         measured_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
         shape_px, is_used = state.shape.displacement_px, state.is_at_clamp & grid.is_seen
         for chosen in state.model.dots.part_of_views:
             measured_px[chosen] -= self.view_motion(
                 state.initial_reference_px[chosen], measured_px[chosen], shape_px[chosen], is_used[chosen]
             )
+        return measured_px
+
+    def fit_frame(self, state: MechanicsState, grid: TrackedGrid) -> Fit:
+        """The shape of the sheet in the next frame."""
+        measured_px = self._measured_px(state, grid)
         return self.gauss_newton(
             state.model,
             state.shape,
@@ -351,14 +388,8 @@ class MechanicsEstimator:
         )
         after = replace(state, tracks=tracks, without_sheet=found)
         if grid.status is Status.OK and not found.is_touched:
-            after = self._update_reference(after, grid)
+            after = after.with_drift(self.reference_drift, grid)
         return after, surface, contacts
-
-    def _update_reference(self, state: MechanicsState, grid: TrackedGrid) -> MechanicsState:
-        reference_px = self.reference_drift(
-            state.reference_px, state.initial_reference_px, grid, state.pitch_px
-        )
-        return replace(state, reference_px=reference_px)
 
     def _step_unusable(
         self, state: MechanicsState, grid: TrackedGrid, reason: Status
@@ -367,31 +398,3 @@ class MechanicsEstimator:
         status = reason if grid.status is Status.OK else grid.status
         tracks, contacts = self.contact_tracker.step(state.tracks, (), status=status)
         return replace(state, tracks=tracks), unknown_surface(state.model.layout, status), contacts
-
-    def _surface(
-        self,
-        state: MechanicsState,
-        grid: TrackedGrid,
-        shape: SheetShape,
-        clusters: Clusters,
-        status: Status,
-    ) -> Surface:
-        model = state.model
-        displacement_mm = model.dots.displacement_mm(shape.coefficient_mm)
-        displacement_mm[:, 2] -= state.local.depth_mm(clusters, model.dots.face.point_mm)
-        covariance_mm2 = self.surface_error(
-            model,
-            state.displacement_covariance,
-            displacement_mm,
-            shape.force_mm2,
-            grid.is_seen,
-            std_px=self.marker_noise.frame_std_px(grid, state.model_std_px),
-        )
-        return Surface(
-            position_mm=read_only(model.layout.rest_mm + displacement_mm),
-            displacement_mm=read_only(displacement_mm),
-            covariance_mm2=read_only(covariance_mm2),
-            layout=model.layout,
-            spline=model.spline(shape.coefficient_mm, shape.force_mm2, state.pretension.std_mm),
-            status=status,
-        )

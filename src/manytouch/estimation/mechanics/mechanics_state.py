@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from manytouch.estimation.contact_tracker import ContactTrackerState
-from manytouch.estimation.mechanics.clusters.force_clusters import EarlierClusters, PreviousContacts
+from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, EarlierClusters, PreviousContacts
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
@@ -15,12 +15,18 @@ from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     SheetVariant,
 )
 from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
-from manytouch.estimation.mechanics.surface_covariance import DisplacementCovarianceState
+from manytouch.estimation.mechanics.inversion.thickness import ThicknessEstimate
+from manytouch.estimation.mechanics.surface_covariance import (
+    DisplacementCovariance,
+    DisplacementCovarianceState,
+)
 from manytouch.estimation.mechanics.undescribed_frames import WithoutSheet
+from manytouch.estimation.reference_drift import ReferenceDrift
 from manytouch.estimation.slip_detector import SlipState
 from manytouch.geometry.neighbours import Neighbours
 from manytouch.mechanics.solver.posterior import Posterior
-from manytouch.values.arrays import Mask, Points2
+from manytouch.values import Surface, TrackedGrid
+from manytouch.values.arrays import Mask, Points2, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -42,6 +48,7 @@ class MechanicsState:
         posterior_frames: number of frames since then.
         posterior_worst_chi2: `Fit.worst_chi2` of the last full step.
         pretension: of the sheet.
+        thickness: of an assumed sheet.
         variants: the sheet with one of its other parameters changed, for each of them.
         response: how the result of the last full step depends on pretension and other parameters; None before
             the first full step.
@@ -68,6 +75,7 @@ class MechanicsState:
     posterior_frames: int = 0
     posterior_worst_chi2: float = 0.0
     pretension: PretensionEstimate
+    thickness: ThicknessEstimate
     variants: tuple[SheetVariant, ...]
     response: ParameterResponse | None = None
     response_is_due: bool = False
@@ -113,3 +121,41 @@ class MechanicsState:
         rest = SheetShape.at_rest(self.model)
         state = replace(self, shape=rest, posterior=None, posterior_frames=0)
         return replace(state, response=None, response_is_due=False)
+
+    def with_drift(self, drift: ReferenceDrift, grid: TrackedGrid) -> "MechanicsState":
+        """The state with the reference that follows a frame in which nothing touches the sheet."""
+        before_px, first_px = self.reference_px, self.initial_reference_px
+        return replace(self, reference_px=drift(before_px, first_px, grid, self.pitch_px))
+
+    def surface(
+        self,
+        error: DisplacementCovariance,
+        grid: TrackedGrid,
+        shape: SheetShape,
+        clusters: Clusters,
+        std_px: float,
+    ) -> Surface:
+        """Positions of the markers of a frame with a shape; `std_px` is that of the marker images."""
+        model = self.model
+        displacement_mm = model.dots.displacement_mm(shape.coefficient_mm)
+        displacement_mm[:, 2] -= self.local.depth_mm(clusters, model.dots.face.point_mm)
+        covariance_mm2 = error(
+            model,
+            self.displacement_covariance,
+            displacement_mm,
+            shape.force_mm2,
+            grid.is_seen,
+            std_px=std_px,
+        )
+        return Surface(
+            position_mm=read_only(model.layout.rest_mm + displacement_mm),
+            displacement_mm=read_only(displacement_mm),
+            covariance_mm2=read_only(covariance_mm2),
+            layout=model.layout,
+            spline=model.spline(
+                shape.coefficient_mm,
+                shape.force_mm2,
+                self.pretension.std_mm,
+            ),
+            status=grid.status,
+        )

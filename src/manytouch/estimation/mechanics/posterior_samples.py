@@ -12,6 +12,7 @@ import numpy as np
 
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator
 from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
+from manytouch.estimation.mechanics.mechanics_state import MechanicsState
 from manytouch.values import Sensor, SheetSpline, Surface, TrackedGrid
 from manytouch.values.arrays import read_only
 
@@ -40,9 +41,23 @@ class PosteriorSamples:
         """
         self.draws = draws
         self._estimate = MechanicsEstimator() if estimate is None else estimate
-        self._state = self._estimate.start(sensor)
-        count = 3 * self._state.model.patch.node_count
-        self._normal = np.random.default_rng(0).standard_normal((draws, count))
+        self._sensor = sensor
+        self._begin(self._estimate.start(sensor))
+
+    def _begin(self, state: MechanicsState) -> None:
+        """Uses the model of a state from now on."""
+        self._state = state
+        count = 3 * state.model.patch.node_count
+        self._normal = np.random.default_rng(0).standard_normal((self.draws, count))
+
+    def _follow(self, spline: SheetSpline) -> None:
+        """Takes the sheet of a spline, if it is an assumed one that presses have shown to be another."""
+        model, sheet = self._state.model, self._state.thickness.sheet
+        is_same = (model.thickness_mm, model.patch.size_mm) == (spline.thickness_mm, spline.size_mm)
+        if model.is_assumed and not is_same:
+            size_mm = read_only(np.array(spline.size_mm))
+            sheet = replace(sheet, size_mm=size_mm, thickness_mm=spline.thickness_mm)
+            self._begin(self._estimate.start(replace(self._sensor, sheet=sheet)))
 
     def __call__(self, surface: Surface, grid: TrackedGrid) -> tuple[SheetSpline, ...]:
         """Splines around that of a surface, by the noise of its frame, the model's error and the prior.
@@ -54,9 +69,11 @@ class PosteriorSamples:
         Returns:
             `draws` splines; none where the surface has no spline or no marker is seen.
         """
-        spline, estimate, model = surface.spline, self._estimate, self._state.model
+        spline, estimate = surface.spline, self._estimate
         if spline is None or not grid.is_seen.any():
             return ()
+        self._follow(spline)
+        model = self._state.model
         shape = SheetShape.at(model, spline.coefficient_mm)
         state = replace(self._state, shape=shape)
         measured_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)

@@ -126,6 +126,10 @@ class UndescribedFrames:
             return model_std_px
         return float(np.hypot(model_std_px, self.model_share * _rms(grid.position_px - reference_px, grid)))
 
+    def motion_px(self, grid: TrackedGrid, reference_px: Points2) -> tuple[float, float]:
+        """RMS motion of the seen markers, and that of their noise."""
+        return _rms(grid.position_px - reference_px, grid), _noise_px(grid)
+
     def is_fitted(
         self, model: InversionModel, undescribed: int, grid: TrackedGrid, reference_px: Points2
     ) -> bool:

@@ -152,6 +152,18 @@ def plain_values(value: object) -> Any:
     return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
+def estimated_thickness(sensor: Sensor, spline: SheetSpline | None) -> dict[str, float] | None:
+    """Thickness of an assumed sheet as presses show it, with its deviation, in the sensor's unit of length.
+
+    None if the sheet is known, or without an estimate.
+    """
+    is_known = sensor.sheet is not None and not sensor.sheet.is_assumed
+    if spline is None or is_known or not math.isfinite(spline.thickness_std_mm):
+        return None
+    unit = sensor.length_unit
+    return {unit: spline.thickness_mm, f"std_{unit}": spline.thickness_std_mm}
+
+
 def estimated_pretension(sensor: Sensor, spline: SheetSpline | None) -> dict[str, float | None] | None:
     """Pretension of a sheet whose file does not state it, with its deviation; None without an estimate.
 

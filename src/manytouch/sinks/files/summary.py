@@ -20,6 +20,7 @@ from manytouch.sinks.files.rest.end_shift import EndShift
 from manytouch.sinks.files.rest.rest_noise import RestNoise
 from manytouch.sinks.files.sensor_description import (
     estimated_pretension,
+    estimated_thickness,
     layout_of,
     rest_px,
     sensor_to_dict,
@@ -191,6 +192,12 @@ class Summary:
             return None
         return {name: None if value is None else _rounded(value) for name, value in found.items()}
 
+    @property
+    def thickness(self) -> dict[str, float | None] | None:
+        """The last estimate of the thickness of an assumed sheet; None without one."""
+        found = estimated_thickness(self._sensor, self._spline)
+        return None if found is None else {name: _rounded(value) for name, value in found.items()}
+
     def to_dict(self) -> dict[str, Any]:
         """What was collected."""
         return {
@@ -202,6 +209,7 @@ class Summary:
             "counts": self.counts,
             "forces": self.forces.to_dict(),
             "pretension": self.pretension,
+            "thickness": self.thickness,
             "milliseconds": self._latency(),
             "noise_px": self.noise_px,
             "warnings": self.warnings(),

@@ -8,7 +8,8 @@ from manytouch.values.sensor import Layout, Sheet
 ASSUMED_POISSON = 0.45  # of a clamped sheet; that of nearly incompressible rubber
 THICKNESS_PITCHES, MARGIN_PITCHES = 0.75, 1.0
 ASSUMED_SHEET = (
-    f"The sheet is {THICKNESS_PITCHES} pitches thick and extends one pitch beyond its outermost markers."
+    f"The sheet is {THICKNESS_PITCHES} pitches thick and extends one pitch beyond its outermost markers, "
+    "until presses show both."
 )
 """What `assumed_sheet` assumes."""
 _THICKNESS_STD_PITCHES = 0.3

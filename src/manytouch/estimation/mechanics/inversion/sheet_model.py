@@ -41,6 +41,7 @@ class InversionModel:
         nodes: of the sheet.
         pitch_mm: geometric mean of both pitches of the layout.
         thickness_mm: of the sheet.
+        thickness_std_mm: its standard deviation where it was assumed; else NaN.
         young_MPa: None if forces are relative, over E.
         young_relative_std: its standard deviation over its value.
         is_excluded: (n,) nodes so near a clamp that they have its forces.
@@ -58,6 +59,7 @@ class InversionModel:
     nodes: ForceNodes
     pitch_mm: float
     thickness_mm: float
+    thickness_std_mm: float
     young_MPa: float | None
     young_relative_std: float
     is_excluded: Mask
@@ -104,6 +106,7 @@ class InversionModel:
             clamped_end=self.patch.clamped_end,
             pretension_over_E_mm=self.shell.pretension_over_E_mm,
             pretension_std_over_E_mm=pretension_std_mm,
+            thickness_std_mm=self.thickness_std_mm,
         )
 
 
@@ -121,10 +124,10 @@ class NominalSheet:
         least_stds: least normal force of a contact, in standard deviations by the usual noise of a single
             force in the middle of the sheet. Compared were 6 and 10 on 160 varied presses, and depths of the
             middle from 0.003 to 0.01 pitches under that force (ADR 158).
-        assumed_sheet_std: relative standard deviation of a depth where the sheet was assumed. The face moves
-            in its plane by half the thickness times the slope, so that depths are too small by about 0.6
-            times the share by which the thickness is too large, whose deviation is 40 %; the outline adds to
-            it.
+        outline_depth: relative standard deviation of a depth by an assumed outline, over the deviation of
+            the outline in pitches.
+        thickness_depth: relative change of a depth over that of an assumed thickness. The face moves in its
+            plane by half the thickness times the slope.
         assumed_view_std: relative standard deviation of a depth where the field of view was assumed: that of
             the distance to the camera.
         clamp_thickness: contacts with a centre within this distance of a clamp are left out, in thicknesses.
@@ -137,15 +140,19 @@ class NominalSheet:
     max_elements: int = 1200
     least_stds: float = 6.0
     clamp_thickness: float = 1.0
-    assumed_sheet_std: float = 0.35
+    outline_depth: float = 0.36
+    thickness_depth: float = 0.6
     assumed_view_std: float = 0.15
 
-    def __call__(self, sensor: Sensor, usual_std_px: float) -> InversionModel:
+    def __call__(
+        self, sensor: Sensor, usual_std_px: float, pretension_over_E_mm: float | None = None
+    ) -> InversionModel:
         """The model of a sensor's sheet.
 
         Args:
             sensor: with a layout.
             usual_std_px: the usual standard deviation of the marker images.
+            pretension_over_E_mm: instead of that of the sheet.
 
         Raises:
             SensorError: the sensor has no layout.
@@ -155,6 +162,8 @@ class NominalSheet:
         sheet = assumed_sheet(layout) if sensor.sheet is None else sensor.sheet
         pitch_mm, thickness_mm = float(np.sqrt(np.prod(layout.pitch_mm))), sheet.thickness_mm
         shell = self._shell(self._patch(layout, sheet), sheet)
+        if pretension_over_E_mm is not None:
+            shell = replace(shell, pretension_over_E_mm=pretension_over_E_mm)
         patch = shell.patch
         dots = MarkerImages(
             shell=shell,
@@ -186,17 +195,23 @@ class NominalSheet:
             ),
             pitch_mm=pitch_mm,
             thickness_mm=thickness_mm,
+            thickness_std_mm=float((sheet.is_assumed and sheet.thickness_std_mm) or np.nan),
             young_MPa=sheet.young_MPa if sensor.scale_is_known else None,
             young_relative_std=_young_relative_std(sheet),
             is_excluded=read_only((np.abs(patch.place_mm) > inner_mm).any(axis=1)),
             is_assumed=sheet.is_assumed,
-            assumed_depth_std=float(
-                np.hypot(
-                    self.assumed_sheet_std if sheet.is_assumed else 0.0,
-                    self.assumed_view_std if view_is_assumed(sensor) else 0.0,
-                )
-            ),
+            assumed_depth_std=self._assumed_depth_std(sensor, sheet),
         )
+
+    def _assumed_depth_std(self, sensor: Sensor, sheet: Sheet) -> float:
+        """`InversionModel.assumed_depth_std`."""
+        pitch_mm = float(np.sqrt(np.prod(checked_layout(sensor).pitch_mm)))
+        view = self.assumed_view_std if view_is_assumed(sensor) else 0.0
+        if not sheet.is_assumed:
+            return view
+        thickness = self.thickness_depth * (sheet.thickness_std_mm or 0.0) / sheet.thickness_mm
+        outline = self.outline_depth * (sheet.outline_std_mm or 0.0) / pitch_mm
+        return float(np.linalg.norm([view, outline, thickness]))
 
     def _patch(self, layout: Layout, sheet: Sheet) -> SplinePatch:
         """The whole sheet."""
