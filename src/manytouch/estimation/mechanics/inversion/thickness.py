@@ -94,9 +94,9 @@ class ThicknessEstimator:
     """Parameters of the estimate of the thickness and the outline of an assumed sheet.
 
     Attributes:
-        frames: a press is clear when a contact has lasted for this many frames,
-        moved_pitch: and the RMS motion of the markers is this many pitches,
-        moved_stds: and this many deviations of their positions.
+        frames: a press is clear when a contact has lasted for this many frames.
+        moved_pitch: least RMS motion of the markers under a clear press, in pitches.
+        moved_stds: the same in deviations of their positions.
         growth: a later press is searched if its motion is larger by this factor.
         most_searches: number of presses that are searched.
         ratio: of a thickness to the next one that is tried.
