@@ -5,6 +5,7 @@ import pytest
 
 from manytouch.estimation import MechanicsEstimator
 from manytouch.estimation.mechanics.clusters.bars import MIN_F, BarRule, f_of_two
+from manytouch.estimation.mechanics.clusters.evidence import Evidence
 from manytouch.estimation.mechanics.clusters.face_fits import fit_bar, fit_elliptic_face
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, cluster_moments
 from manytouch.estimation.mechanics.clusters.patch_kernels import (
@@ -134,13 +135,18 @@ def test_shear_and_the_centre_of_a_contact_with_friction() -> None:
     np.testing.assert_allclose(contact.centre_mm, [4.0, -3.0], atol=0.15)
 
 
-def two_nodes(model: InversionModel, half_mm: float) -> Clusters:
-    """Clusters of one node each, with equal forces, to both sides of the middle along x."""
+def two_places() -> tuple[InversionModel, Evidence, Clusters, float]:
+    """Two equal forces 4 thicknesses apart along x, each a cluster of one node, and their F against a bar."""
+    half_mm = 2.0 * THICKNESS_MM
+    evidence = evidence_of([1.0, half_mm, 0.0, 1.0, -half_mm, 0.0, 0.6])
+    model = MechanicsEstimator().start(slack_sensor()).model
     force_mm2, label = np.zeros((model.patch.node_count, 3)), np.full(model.patch.node_count, -1)
     for number, x_mm in enumerate((half_mm, -half_mm)):
         node = np.linalg.norm(model.nodes.place_mm - [x_mm, 0.0], axis=1).argmin()
         force_mm2[node, 2], label[node] = -1.0, number
-    return cluster_moments(model.nodes, force_mm2, label)
+    clusters = cluster_moments(model.nodes, force_mm2, label)
+    pair = evidence.fit_two(clusters.normal_mm2, clusters.centre_mm, 1.0)
+    return model, evidence, clusters, f_of_two(evidence, pair.misfit, fit_bar(evidence, pair))
 
 
 @pytest.mark.parametrize(
@@ -155,12 +161,7 @@ def two_nodes(model: InversionModel, half_mm: float) -> Clusters:
 def test_one_contact_becomes_two_only_if_they_could_begin_as_one_or_the_markers_are_clear(
     was_two: bool, was_one: bool, seen_apart_thickness: float, is_bar: bool
 ) -> None:
-    half_mm = 2.0 * THICKNESS_MM
-    evidence = evidence_of([1.0, half_mm, 0.0, 1.0, -half_mm, 0.0, 0.6])
-    model = MechanicsEstimator().start(slack_sensor()).model
-    clusters = two_nodes(model, half_mm)
-    pair = evidence.fit_two(clusters.normal_mm2, clusters.centre_mm, 1.0)
-    f = f_of_two(evidence, pair.misfit, fit_bar(evidence, pair))
+    model, evidence, clusters, f = two_places()
     assert f > 100.0
     rule = BarRule(min_f=0.5 * f, seen_apart_thickness=seen_apart_thickness)
     found = rule(model, clusters, np.arange(2), lambda node: evidence, was_two=was_two, was_one=was_one)
@@ -185,13 +186,8 @@ def test_one_contact_becomes_two_only_if_they_could_begin_as_one_or_the_markers_
 def test_near_contacts_are_two_only_if_the_markers_are_clear(
     near_thickness: float, was_two: bool, is_bar: bool
 ) -> None:
-    """Two places 4 thicknesses apart, with an F of twice the usual limit."""
-    half_mm = 2.0 * THICKNESS_MM
-    evidence = evidence_of([1.0, half_mm, 0.0, 1.0, -half_mm, 0.0, 0.6])
-    model = MechanicsEstimator().start(slack_sensor()).model
-    clusters = two_nodes(model, half_mm)
-    pair = evidence.fit_two(clusters.normal_mm2, clusters.centre_mm, 1.0)
-    f = f_of_two(evidence, pair.misfit, fit_bar(evidence, pair))
+    """F is twice the usual limit."""
+    model, evidence, clusters, f = two_places()
     rule = BarRule(min_f=0.5 * f, near_thickness=near_thickness)
     found = rule(model, clusters, np.arange(2), lambda node: evidence, was_two=was_two, was_one=False)
     assert found is is_bar
