@@ -336,9 +336,9 @@ def _shape_and_remedy(sensor: Sensor) -> str:
         )
     (x, y), unit = sheet.size_mm, sensor.length_unit
     return (
-        f"that was assumed ({x:.4g} x {y:.4g} {unit}, {sheet.thickness_mm:.3g} {unit} thick, from the "
-        'pitch): give a sensor file (--sensor) in which size and thickness, and boundary = "bonded" of a pad '
-        "on a window, are right, since guessed ones give worse results than none"
+        f"that was assumed ({x:.4g} x {y:.4g} {unit}, {sheet.thickness_mm:.3g} {unit} thick at first, from "
+        'the pitch): give a sensor file (--sensor) in which size and thickness, and boundary = "bonded" of a '
+        "pad on a window, are right, since guessed ones give worse results than none"
     )
 
 
