@@ -11,15 +11,22 @@ from scipy.sparse.csgraph import connected_components
 from manytouch.estimation.mechanics.clusters.face_fits import CORNERS
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes
-from manytouch.values.arrays import Scalars
+from manytouch.geometry.spline.patch import Nodal
+from manytouch.mechanics.markers.images import Face
+from manytouch.mechanics.shell.shell import Shell
+from manytouch.values.arrays import Points2, Scalars
+
+_PLACES = np.linspace(0.0, 1.0, 17)
+"""Where the sheet is compared with the line between two clusters, over their distance."""
+_ROW = 0.1  # largest width of a row of clusters over its length
 
 
 def join_clusters(
     result: Clusters,
     clusters: Clusters,
     own: Int64[np.ndarray, " k"],
+    edge: tuple[float, float],
     *,
-    corner_points_mm: Float64[np.ndarray, "_ 2"],
     is_one_as_before: bool,
 ) -> Clusters:
     """`result` with some clusters joined to the first of them as one face; the others get no force.
@@ -28,10 +35,14 @@ def join_clusters(
         result: the clusters, of which others may have been joined already.
         clusters: the same without joins.
         own: numbers of the clusters to join, none of which has been joined.
-        corner_points_mm, is_one_as_before: of the joined cluster; see `Clusters`.
+        edge: `edge_share` and `max_edge_mm` of `RigidFaces`.
+        is_one_as_before: of the joined cluster; see `Clusters`.
     """
     share = clusters.normal_mm2[own] / clusters.normal_mm2[own].sum()
-    centre_mm, spread = joint_moments(clusters, own)
+    centre_mm, spread = _joint_moments(clusters, own)
+    corner_points_mm = (
+        _rectangle(centre_mm, spread) if len(own) == 2 else _corner_points(clusters, own, *edge)
+    )
     arm = clusters.centre_mm[own] - centre_mm
     force_mm2 = clusters.force_mm2[own].sum(axis=0)
     turned = arm[:, 0] * clusters.force_mm2[own, 1] - arm[:, 1] * clusters.force_mm2[own, 0]
@@ -65,7 +76,7 @@ def join_clusters(
     )
 
 
-def joint_moments(
+def _joint_moments(
     clusters: Clusters, own: Int64[np.ndarray, " k"]
 ) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2 2"]]:
     """Centre (mm) and second moment (mm^2) of the pressure of several clusters."""
@@ -84,7 +95,7 @@ def moments_of_pair(clusters: Clusters, own: Int64[np.ndarray, "2"]) -> tuple[Sc
     return along_mm2, across_mm2
 
 
-def rectangle(
+def _rectangle(
     centre_mm: Float64[np.ndarray, "2"], spread_mm2: Float64[np.ndarray, "2 2"]
 ) -> Float64[np.ndarray, "4 2"]:
     """Corners of the rectangular face under a pressure with these second moments.
@@ -109,6 +120,36 @@ def _joint_covariance(each: Float64[np.ndarray, "k 6 6"], share: Scalars) -> Flo
     return total
 
 
+def depths_and_rises(
+    shell: Shell, coefficient_mm: Nodal, centre_mm: Points2
+) -> tuple[Scalars, Float64[np.ndarray, "c c"]]:
+    """Depths (c,) of the sheet at places (c, 2), and by how much it is at most less deep between two of them.
+
+    The latter (c, c) is measured from the straight line between the two; it is 0 where the sheet is nowhere
+    less deep.
+    """
+    count = len(centre_mm)
+    first, second = np.triu_indices(count, 1)
+    along_mm = centre_mm[first, None] + _PLACES[:, None] * (centre_mm[second] - centre_mm[first])[:, None]
+    face = Face(shell=shell, point_mm=np.ascontiguousarray(along_mm.reshape(-1, 2)))
+    found_mm = -face.displacement(coefficient_mm)[:, 2].reshape(len(first), len(_PLACES))
+    line_mm = found_mm[:, :1] + _PLACES * (found_mm[:, -1:] - found_mm[:, :1])
+    rise_mm, depth_mm = np.full((count, count), np.inf), np.empty(count)
+    rise_mm[first, second] = rise_mm[second, first] = (line_mm - found_mm).max(axis=1)
+    depth_mm[first], depth_mm[second] = found_mm[:, 0], found_mm[:, -1]
+    return depth_mm, rise_mm
+
+
+def off_plane(place_mm: Points2, depth_mm: Scalars) -> tuple[bool, float]:
+    """Whether places (c, 2) are in a row; most that depths (c,) are off a plane, or off a line on a row."""
+    arm_mm = place_mm - place_mm.mean(axis=0)
+    extent_mm = np.linalg.svd(arm_mm, compute_uv=False)
+    is_row = bool(extent_mm[1] <= _ROW * extent_mm[0])
+    off_mm = depth_mm - depth_mm.mean()
+    off_mm -= arm_mm @ np.linalg.lstsq(arm_mm, off_mm, rcond=_ROW if is_row else None)[0]
+    return is_row, float(np.abs(off_mm).max())
+
+
 def is_in_none(faces: list[Int64[np.ndarray, " k"]], count: int) -> Bool[np.ndarray, " c"]:
     """(c,) whether each of `count` clusters is in no face."""
     is_left = np.ones(count, dtype=np.bool_)
@@ -130,7 +171,7 @@ def with_enclosed(
     clusters: Clusters, nodes: ForceNodes, own: Int64[np.ndarray, " k"], group: Int64[np.ndarray, " g"]
 ) -> Int64[np.ndarray, " _"]:
     """The clusters of a face with those of the group within the ellipse of its pressure."""
-    centre_mm, spread = joint_moments(clusters, own)
+    centre_mm, spread = _joint_moments(clusters, own)
     arm_mm = clusters.centre_mm[group] - centre_mm
     spread += np.diag(nodes.own_spread_mm2)
     within = np.einsum("ki,ki->k", arm_mm, np.linalg.solve(spread, arm_mm.T).T) <= 4.0
@@ -158,7 +199,7 @@ def without_weak(
             return
 
 
-def corner_points(
+def _corner_points(
     clusters: Clusters, own: Int64[np.ndarray, " k"], edge_share: float, max_edge_mm: float
 ) -> Float64[np.ndarray, "_ 2"]:
     """Points around each place where a face presses.

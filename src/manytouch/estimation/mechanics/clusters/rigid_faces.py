@@ -33,26 +33,20 @@ from manytouch.estimation.mechanics.clusters.force_clusters import (
 )
 from manytouch.estimation.mechanics.clusters.joined_clusters import (
     connected_groups,
-    corner_points,
+    depths_and_rises,
     is_between,
     is_in_none,
     join_clusters,
-    joint_moments,
     moments_of_pair,
-    rectangle,
+    off_plane,
     with_enclosed,
     without_weak,
 )
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
-from manytouch.mechanics.markers.images import Face
-from manytouch.values.arrays import Points2, Scalars
+from manytouch.values.arrays import Scalars
 
-_PLACES = np.linspace(
-    0.0, 1.0, 17
-)  # along the line between two clusters, where the sheet is compared with it
 _PLANE = 4  # least number of clusters whose depths are not on one plane by chance
-_ROW = 0.1  # largest width of a row of clusters over its length
 
 Pairs = Bool[np.ndarray, "c c"]
 Numbers = Int64[np.ndarray, " k"]
@@ -176,19 +170,8 @@ class RigidFaces:
         """
         if len(clusters) < 2:
             return clusters
-        depth_mm, is_flat, is_about_flat = self._flat_pairs(model, coefficient_mm, clusters.centre_mm)
-        before = nearest_within(clusters.centre_mm, previous.centre_mm, self.reach_pitch * model.pitch_mm)
-        was_apart = (before[:, None] >= 0) & (before >= 0) & (before[:, None] != before)
-        frames = np.append(previous.frames, 0)[before]
-        frame = _Frame(
-            model=model,
-            clusters=clusters,
-            depth_mm=depth_mm,
-            was_apart=was_apart,
-            was_long_apart=was_apart & (np.maximum.outer(frames, frames) > self.undecided_frames),
-            previous=previous,
-            evidence_at=evidence_at,
-        )
+        depth_mm, is_flat, is_about_flat = self._flat_pairs(model, coefficient_mm, clusters)
+        frame = self._frame(model, clusters, depth_mm, evidence_at, previous)
         faces = self._planes(frame, is_flat)
         for is_one, least in ((is_about_flat & self._are_alike(frame), 3), (is_about_flat, 2)):
             is_left = is_in_none(faces, len(clusters))
@@ -197,12 +180,35 @@ class RigidFaces:
         is_pair = is_about_flat & ~frame.was_apart & is_left & is_left[:, None]
         kept_faces = self._unchanged_faces(frame, is_pair, earlier, is_left)
         joined = clusters
-        for face in faces:
-            joined = self._join(joined, clusters, face, is_one_as_before=False)
-        for face in kept_faces:
-            joined = self._join(joined, clusters, face, is_one_as_before=True)
+        edge = self.edge_share, self.max_edge_mm
+        for own in faces:
+            joined = join_clusters(joined, clusters, own, edge, is_one_as_before=False)
+        for own in kept_faces:
+            joined = join_clusters(joined, clusters, own, edge, is_one_as_before=True)
         kept = np.flatnonzero(joined.force_mm2[:, 2] != 0.0)
         return joined.select(kept[np.argsort(-joined.normal_mm2[kept], kind="stable")])
+
+    def _frame(
+        self,
+        model: InversionModel,
+        clusters: Clusters,
+        depth_mm: Scalars,
+        evidence_at: EvidenceAt,
+        previous: PreviousContacts,
+    ) -> _Frame:
+        near = nearest_within(clusters.centre_mm, previous.centre_mm, self.reach_pitch * model.pitch_mm)
+        was_apart = (near[:, None] >= 0) & (near >= 0) & (near[:, None] != near)
+        frames = np.append(previous.frames, 0)
+        longer = np.maximum.outer(frames[near], frames[near])
+        return _Frame(
+            model=model,
+            clusters=clusters,
+            depth_mm=depth_mm,
+            was_apart=was_apart,
+            was_long_apart=was_apart & (longer > self.undecided_frames),
+            previous=previous,
+            evidence_at=evidence_at,
+        )
 
     def _planes(self, frame: _Frame, is_flat: Pairs) -> list[Numbers]:
         """Faces of four clusters or more, or of three in a row, whose depths are on one plane."""
@@ -255,26 +261,20 @@ class RigidFaces:
         return faces
 
     def _flat_pairs(
-        self, model: InversionModel, coefficient_mm: Nodal, centre_mm: Points2
-    ) -> tuple[Scalars, np.ndarray, np.ndarray]:
+        self, model: InversionModel, coefficient_mm: Nodal, clusters: Clusters
+    ) -> tuple[Scalars, Pairs, Pairs]:
         """Depth (c,) at the centres; (c, c) pairs with the sheet as deep as the line between, or about so."""
-        first, second = np.triu_indices(len(centre_mm), 1)
-        along = centre_mm[first, None] + _PLACES[:, None] * (centre_mm[second] - centre_mm[first])[:, None]
-        face = Face(shell=model.shell, point_mm=np.ascontiguousarray(along.reshape(-1, 2)))
-        found_mm = -face.displacement(coefficient_mm)[:, 2].reshape(len(first), len(_PLACES))
-        line_mm = found_mm[:, :1] + _PLACES * (found_mm[:, -1:] - found_mm[:, :1])
-        rise_mm = (line_mm - found_mm).max(axis=1)
-        deepest_mm = np.maximum(found_mm[:, 0], found_mm[:, -1])
-        away_mm = np.linalg.norm(centre_mm[second] - centre_mm[first], axis=1)
-        pairs = np.zeros((2, len(centre_mm), len(centre_mm)), dtype=np.bool_)
-        limits = (self.rise_share, self.max_plane_thickness), (self.pair_rise_share, self.max_pair_thickness)
-        for found, (share, thicknesses) in zip(pairs, limits, strict=True):
-            is_flat = rise_mm <= self.rise_mm + share * deepest_mm
-            is_flat &= away_mm <= thicknesses * model.thickness_mm
-            found[first, second] = found[second, first] = is_flat
-        depth_mm = np.empty(len(centre_mm))
-        depth_mm[first], depth_mm[second] = found_mm[:, 0], found_mm[:, -1]
-        return depth_mm, pairs[0], pairs[1]
+        depth_mm, rise_mm = depths_and_rises(model.shell, coefficient_mm, clusters.centre_mm)
+        deepest_mm = np.maximum.outer(depth_mm, depth_mm)
+        away_mm = np.linalg.norm(clusters.centre_mm[:, None] - clusters.centre_mm, axis=2)
+        is_flat, is_about_flat = (
+            (rise_mm <= self.rise_mm + share * deepest_mm) & (away_mm <= thicknesses * model.thickness_mm)
+            for share, thicknesses in (
+                (self.rise_share, self.max_plane_thickness),
+                (self.pair_rise_share, self.max_pair_thickness),
+            )
+        )
+        return depth_mm, is_flat, is_about_flat
 
     def _unchanged(
         self, frame: _Frame, is_pair: Pairs, earlier: EarlierClusters
@@ -308,15 +308,10 @@ class RigidFaces:
         """Whether there are four clusters or more, or three in a row, with depths on one plane."""
         if len(own) < _PLANE - 1:
             return False
-        place, depth = frame.clusters.centre_mm[own], frame.depth_mm[own]
-        arm = place - place.mean(axis=0)
-        extent = np.linalg.svd(arm, compute_uv=False)
-        is_row = extent[1] <= _ROW * extent[0]
-        if len(own) < _PLANE and not is_row:
-            return False
-        off = depth - depth.mean()
-        off -= arm @ np.linalg.lstsq(arm, off, rcond=_ROW if is_row else None)[0]
-        return bool(np.abs(off).max() <= self.plane_share * depth.max() + 2.0 * self.rise_mm)
+        depth_mm = frame.depth_mm[own]
+        is_row, off_mm = off_plane(frame.clusters.centre_mm[own], depth_mm)
+        most_mm = self.plane_share * float(depth_mm.max()) + 2.0 * self.rise_mm
+        return (is_row or len(own) >= _PLANE) and off_mm <= most_mm
 
     def _is_one(self, frame: _Frame, own: Numbers) -> bool:
         """Whether two or three clusters are one face.
@@ -385,16 +380,4 @@ class RigidFaces:
             and (was_one or extent_mm >= self.min_pair_elements * float(frame.model.nodes.element_mm.max()))
             and force.min() >= self.min_force_ratio * force.max()
             and depth.max() - depth.min() <= self.max_depth_ratio * depth.max() + self.rise_mm
-        )
-
-    def _join(
-        self, joined: Clusters, clusters: Clusters, own: Numbers, *, is_one_as_before: bool
-    ) -> Clusters:
-        """`joined` with the clusters of one more face joined."""
-        if len(own) == 2:
-            corner_points_mm = rectangle(*joint_moments(clusters, own))
-        else:
-            corner_points_mm = corner_points(clusters, own, self.edge_share, self.max_edge_mm)
-        return join_clusters(
-            joined, clusters, own, corner_points_mm=corner_points_mm, is_one_as_before=is_one_as_before
         )
