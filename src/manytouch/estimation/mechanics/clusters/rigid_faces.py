@@ -5,8 +5,8 @@ between them. Between two objects on a taut sheet it is less deep. On a slack sh
 contact reaches another one, it need not be, so that this condition is necessary but not sufficient. In
 addition, clusters that fulfil it are joined
 
-- if there are four or more, and their depths are on one plane, unless two of them have been contacts for some
-  frames;
+- if there are four or more, their depths are on one plane, and the sheet is flat between each and two others,
+  unless two of them have been contacts for some frames;
 - if there are three in a row whose depths are on one line, unless two of them were contacts in the previous
   frame;
 - if there are two, and a bar explains the markers as well as two patches do (`bars`);
@@ -60,6 +60,7 @@ class _Frame:
         model: of the sheet.
         clusters: before any are joined.
         depth_mm: (c,) depth of the sheet at their centres.
+        frames: (c,) number of frames for which there has been a contact at their centres, or 0.
         was_apart: (c, c) pairs that were two contacts in the previous frame.
         was_long_apart: (c, c) those of them that have been for more than `RigidFaces.undecided_frames`.
         previous: contacts of the previous frame.
@@ -69,6 +70,7 @@ class _Frame:
     model: InversionModel
     clusters: Clusters
     depth_mm: Scalars
+    frames: Numbers
     was_apart: Pairs
     was_long_apart: Pairs
     previous: PreviousContacts
@@ -93,7 +95,7 @@ class RigidFaces:
             ones are joined only if they continue one contact.
         undecided_frames: four clusters or more may be one face as long as no two of them were contacts, one
             for more than so many frames: the corners of a face need not be seen in the same frame. Compared
-            were 0, 3, 5 and 8.
+            were 0, 3, 5 and 8. Two or three clusters began together if these numbers differ by no more.
         same_centre_pitch: clusters continue a contact of the previous frame if the centre of their forces is
             within this distance of its centre, in pitches.
         max_jump: two clusters among others, or far apart with a contact between them, continue that contact
@@ -196,7 +198,10 @@ class RigidFaces:
         evidence_at: EvidenceAt,
         previous: PreviousContacts,
     ) -> _Frame:
-        near = nearest_within(clusters.centre_mm, previous.centre_mm, self.reach_pitch * model.pitch_mm)
+        near, same = (
+            nearest_within(clusters.centre_mm, previous.centre_mm, reach_pitch * model.pitch_mm)
+            for reach_pitch in (self.reach_pitch, self.same_centre_pitch)
+        )
         was_apart = (near[:, None] >= 0) & (near >= 0) & (near[:, None] != near)
         frames = np.append(previous.frames, 0)
         longer = np.maximum.outer(frames[near], frames[near])
@@ -204,6 +209,7 @@ class RigidFaces:
             model=model,
             clusters=clusters,
             depth_mm=depth_mm,
+            frames=frames[same],
             was_apart=was_apart,
             was_long_apart=was_apart & (longer > self.undecided_frames),
             previous=previous,
@@ -216,7 +222,7 @@ class RigidFaces:
         for group in connected_groups(is_flat):
             for own in without_weak(frame.clusters, group, _PLANE - 1, self.min_force_ratio):
                 apart = frame.was_apart if len(own) < _PLANE else frame.was_long_apart
-                if not apart[np.ix_(own, own)].any() and self._is_plane(frame, own):
+                if not apart[np.ix_(own, own)].any() and self._is_plane(frame, own, is_flat):
                     faces.append(with_enclosed(frame.clusters, frame.model.nodes, own, group))
                     break
         return faces
@@ -304,14 +310,19 @@ class RigidFaces:
         limit_mm = self.max_depth_ratio * np.maximum.outer(depth_mm, depth_mm) + self.rise_mm
         return np.asarray((ratio >= self.min_force_ratio) & (off_mm <= limit_mm))
 
-    def _is_plane(self, frame: _Frame, own: Numbers) -> bool:
-        """Whether there are four clusters or more, or three in a row, with depths on one plane."""
+    def _is_plane(self, frame: _Frame, own: Numbers, is_flat: Pairs) -> bool:
+        """Whether there are four clusters or more, or three in a row, with depths on one plane.
+
+        Of four or more that are not in a row, each is flat with two others: the two next to a corner or on a
+        rim.
+        """
         if len(own) < _PLANE - 1:
             return False
         depth_mm = frame.depth_mm[own]
         is_row, off_mm = off_plane(frame.clusters.centre_mm[own], depth_mm)
+        is_closed = len(own) >= _PLANE and int(is_flat[np.ix_(own, own)].sum(axis=1).min()) >= 2
         most_mm = self.plane_share * float(depth_mm.max()) + 2.0 * self.rise_mm
-        return (is_row or len(own) >= _PLANE) and off_mm <= most_mm
+        return (is_row or is_closed) and off_mm <= most_mm
 
     def _is_one(self, frame: _Frame, own: Numbers) -> bool:
         """Whether two or three clusters are one face.
@@ -372,11 +383,15 @@ class RigidFaces:
         return bool((is_same & is_own).any())
 
     def _began_as_one(self, frame: _Frame, own: Numbers, *, was_one: bool) -> bool:
-        """Whether two or three clusters are alike, and either clearly apart or the parts of one contact."""
+        """Whether two or three clusters are alike, and parts of one contact, or clearly apart.
+
+        In the latter case, none of them has been a contact for clearly longer than another.
+        """
         depth, force = frame.depth_mm[own], frame.clusters.normal_mm2[own]
         extent_mm = float(np.linalg.norm(np.ptp(frame.clusters.centre_mm[own], axis=0)))
         return bool(
             len(own) < _PLANE
+            and (was_one or np.ptp(frame.frames[own]) <= self.undecided_frames)
             and (was_one or extent_mm >= self.min_pair_elements * float(frame.model.nodes.element_mm.max()))
             and force.min() >= self.min_force_ratio * force.max()
             and depth.max() - depth.min() <= self.max_depth_ratio * depth.max() + self.rise_mm

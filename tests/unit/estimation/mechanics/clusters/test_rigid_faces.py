@@ -183,6 +183,34 @@ def test_four_forces_on_a_plane_are_one_face_unless_two_of_them_have_been_apart(
 
 
 @pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize(("frames", "is_one"), [(3, True), (4, False)])
+def test_forces_are_one_face_only_if_they_began_together(count: int, frames: int, is_one: bool) -> None:
+    """One of them has been a contact for some frames, at its own place."""
+    place_mm = np.array([[-8.0, -6.0], [8.0, -6.0], [8.0, 6.0]])[:count]
+    found = joined(place_mm, [1.0] * count, [0.01] * count, place_mm[:1], previous_frames=frames)
+    assert len(found) == (1 if is_one else count)
+
+
+def test_a_contact_that_comes_to_press_with_distant_ends_began_as_one() -> None:
+    """It has been there for many frames, but at the middle of the two."""
+    place_mm = row_mm(8.0, 2)
+    assert len(joined(place_mm, [1.0] * 2, [0.01] * 2, np.zeros((1, 2)))) == 1
+
+
+@pytest.mark.parametrize(
+    ("place_mm", "count"),
+    [
+        ([[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]], 1),
+        ([[-20.0, -8.0], [0.0, -8.0], [0.0, 12.0], [20.0, 12.0]], 4),
+    ],
+)
+def test_each_corner_of_a_face_is_flat_with_two_others(place_mm: list[list[float]], count: int) -> None:
+    """Bodies that are near each other one by one may have depths on one plane by chance."""
+    found = joined(np.array(place_mm), [1.0] * 4, [0.01, 0.05, 0.01, 0.2])
+    assert len(found) == count
+
+
+@pytest.mark.parametrize("count", [2, 3])
 def test_fewer_forces_that_were_apart_stay_apart(count: int) -> None:
     place_mm = row_mm(14.0, count)
     found = joined(place_mm, [1.0] * count, [0.01] * count, place_mm, previous_frames=1)
