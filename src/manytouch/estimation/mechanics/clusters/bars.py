@@ -67,6 +67,9 @@ class BarRule:
         max_size_ratio: largest ratio of the second moments of two wide patches.
         unlike_size_ratio: above this ratio of the second moments, two patches of one size do not describe two
             bodies, and the misfit of the two ellipses that were fitted one by one counts if it is smaller.
+        max_ends_f: largest F of two patches that may be the ends of one face. Ends of blocks and
+            cylinders have an F of at most 1650, 4 to 14 thicknesses apart; that of balls there is up to 9000,
+            but not where noise or the clamp hides what they do (ADR 164).
         max_nodes: largest number of nodes of an evidence.
         min_inside: see `MIN_INSIDE`.
     """
@@ -82,6 +85,7 @@ class BarRule:
     wide_thickness: float = 0.8
     max_size_ratio: float = 4.0
     unlike_size_ratio: float = 30.0
+    max_ends_f: float = 2000.0
     max_nodes: int = 96
     min_inside: float = MIN_INSIDE
 
@@ -95,8 +99,9 @@ class BarRule:
         was_two: bool,
         was_one: bool,
         is_unchanged: bool = False,
+        may_be_ends: bool = False,
     ) -> bool | None:
-        """Whether two clusters are one bar; None where the markers do not determine the forces.
+        """Whether two clusters are one bar; None where the markers do not determine it.
 
         Args:
             model: of the sheet.
@@ -106,6 +111,7 @@ class BarRule:
             was_two: whether they were two contacts in the previous frame.
             was_one: whether they were one, with its centre at that of their forces.
             is_unchanged: whether their force is not larger than when the markers last showed one contact.
+            may_be_ends: whether two patches are not determined as long as they may be the ends of one face.
         """
         evidence = evidence_at(self._nodes(model, clusters, own))
         if evidence is None:
@@ -129,7 +135,9 @@ class BarRule:
             apart = evidence.misfit(np.nan_to_num(clusters.fitted_mm2[evidence.combinations.node]))
             two_misfit = min(two_misfit, apart)
         f = f_of_two(evidence, two_misfit, fit_bar(evidence, pair), min_inside=self.min_inside)
-        return f <= limit * self.min_f
+        is_bar = f <= limit * self.min_f
+        is_clear = self.max_ends_f < f < np.inf
+        return None if may_be_ends and not is_bar and not is_clear else is_bar
 
     def _nodes(
         self, model: InversionModel, clusters: Clusters, own: Int64[np.ndarray, "2"]

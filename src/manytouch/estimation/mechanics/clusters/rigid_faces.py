@@ -12,7 +12,8 @@ addition, clusters that fulfil it are joined
 - if there are two, and a bar explains the markers as well as two patches do (`bars`);
 - if there are two, about as deep and as strong, and long across the line between them, as edges are;
 - if there are two that are not near each other, or three that are not in a row, and they began together and
-  are about as deep and as strong: a face that presses with its ends only is the same load as two balls;
+  are about as deep and as strong: a face that presses with its ends only is nearly the same load as two
+  balls. Two are not one if the markers clearly show balls;
 - if there are two that the markers showed as one contact before, and their force has not grown since;
 - if two among others are about as deep and as strong, and were one contact in the previous frame.
 """
@@ -334,11 +335,12 @@ class RigidFaces:
         if len(own) == 2:
             if not was_two and self._are_edges(frame, own):
                 return True
-            is_bar = self._is_bar(frame, own, was_two=was_two, was_one=was_one)
             gap_mm = float(np.linalg.norm(np.diff(frame.clusters.centre_mm[own], axis=0)))
             least = self.kept_thickness if was_one else self.resolved_thickness
-            if is_bar or (is_bar is False and gap_mm < least * frame.model.thickness_mm):
-                return bool(is_bar)
+            is_far = gap_mm >= least * frame.model.thickness_mm
+            is_bar = self._is_bar(frame, own, was_two=was_two, was_one=was_one, may_be_ends=is_far)
+            if is_bar is not None:
+                return is_bar
         return not was_two and self._began_as_one(frame, own, was_one=was_one)
 
     def _are_edges(self, frame: _Frame, own: Int64[np.ndarray, "2"]) -> bool:
@@ -349,17 +351,10 @@ class RigidFaces:
         return bool(is_long.all() and self._are_alike(frame)[own[0], own[1]])
 
     def _is_bar(
-        self,
-        frame: _Frame,
-        own: Int64[np.ndarray, "2"],
-        *,
-        was_two: bool = False,
-        was_one: bool,
-        is_unchanged: bool = False,
+        self, frame: _Frame, own: Int64[np.ndarray, "2"], *, was_two: bool = False, **given: bool
     ) -> bool | None:
-        """Whether the markers show a pair to be one bar; None where they do not determine it."""
-        earlier = {"was_two": was_two, "was_one": was_one, "is_unchanged": is_unchanged}
-        return self.bars(frame.model, frame.clusters, own, frame.evidence_at, **earlier)
+        """Whether the markers show a pair to be one bar, see `BarRule`; None where they do not decide."""
+        return self.bars(frame.model, frame.clusters, own, frame.evidence_at, was_two=was_two, **given)
 
     def _continues_one(self, frame: _Frame, own: Numbers, max_jump: float = np.inf) -> bool:
         """Whether there was a contact at the centre of the forces of clusters, or between two distant ones.

@@ -191,3 +191,29 @@ def test_near_contacts_are_two_only_if_the_markers_are_clear(
     rule = BarRule(min_f=0.5 * f, near_thickness=near_thickness)
     found = rule(model, clusters, np.arange(2), lambda node: evidence, was_two=was_two, was_one=False)
     assert found is is_bar
+
+
+@pytest.mark.parametrize(
+    ("min_f", "max_ends_f", "may_be_ends", "is_bar"),
+    [
+        (0.1, 2.0, True, None),
+        (0.1, 0.5, True, False),  # too clear for the ends of a face
+        (0.1, 2.0, False, False),
+        (2.0, 0.5, True, True),
+    ],
+)
+def test_distant_patches_may_be_the_ends_of_a_face_unless_they_are_clear(
+    min_f: float, max_ends_f: float, may_be_ends: bool, is_bar: bool | None
+) -> None:
+    model, evidence, clusters, f = two_places()
+    rule = BarRule(min_f=min_f * f, max_ends_f=max_ends_f * f)
+    earlier = {"was_two": False, "was_one": False, "may_be_ends": may_be_ends}
+    assert rule(model, clusters, np.arange(2), lambda node: evidence, **earlier) is is_bar
+
+
+def test_a_bar_beyond_the_nodes_decides_nothing_about_distant_patches() -> None:
+    model, evidence, clusters, _ = two_places()
+    earlier = {"was_two": False, "was_one": False, "may_be_ends": True}
+    rule = BarRule(max_ends_f=0.0, min_inside=2.0)
+    assert rule(model, clusters, np.arange(2), lambda node: evidence, **earlier) is None
+    assert BarRule(max_ends_f=0.0)(model, clusters, np.arange(2), lambda node: evidence, **earlier) is False
