@@ -15,9 +15,10 @@ from manytouch.detection.dot_appearance import (
 )
 from manytouch.detection.images import crop
 from manytouch.detection.measurement.centroid import measure_rows
-from manytouch.detection.measurement.records import AREA, CXX, CYY
+from manytouch.detection.measurement.records import AREA, CXX, CYY, X, Y
 from manytouch.detection.measurement.sampling_pattern import SamplingPatterns, sampling_patterns
 from manytouch.detection.noise import estimate_noise
+from manytouch.detection.rim import fit_rims
 from manytouch.detection.selection import (
     SelectedDots,
     SelectionLimits,
@@ -80,6 +81,10 @@ class DotSearch:
             behind a transparent skin.
         scene_std: standard deviation that such a thing adds to the centre, over the further change of the
             radius.
+        rim_gap: distance, over the radius, up to which the centre of the pixels counts where that of the rim
+            is another; from twice of it on only the rim counts.
+        rim_std, hidden_rim_std: standard deviation of the centre of a rim over the radius, and how much the
+            square of the share of the rim that is not seen adds to it.
     """
 
     roi_px: Roi | None = None
@@ -87,6 +92,9 @@ class DotSearch:
     least_snr: float = 1.5
     steady_radius: float = 0.05
     scene_std: float = 3.0
+    rim_gap: float = 0.1
+    rim_std: float = 0.03
+    hidden_rim_std: float = 1.7
 
     def start(self, sensor: Sensor) -> DotSearchState:
         """State before the first frame.
@@ -138,7 +146,7 @@ class DotSearch:
         else:
             rows, radius_px = _search_windows(state, image, weights, noise, expected_px - corner)
         if state.is_before_scene and expected_px is not None:
-            rows = self._with_scene(rows, radius_px)
+            rows = self._with_scene(rows, radius_px, fit_rims(image, weights, rows[:, [X, Y]], radius_px))
         found, edge_px = self._select(rows, radius_px, state.markers, noise, corner)
         status = find_condition(
             state.reference, frame.image, found, edge_px, level_scale=scale, markers=state.markers
@@ -175,13 +183,29 @@ class DotSearch:
         )
         return found, selected.edge[:number]
 
-    def _with_scene(self, rows: Float64[np.ndarray, "n 9"], radius_px: Scalars) -> Float64[np.ndarray, "n 9"]:
-        """Rows with larger variances where a dot has another size than at rest: something is behind it."""
+    def _with_scene(
+        self, rows: Float64[np.ndarray, "n 9"], radius_px: Scalars, rims: tuple[Points2, Scalars]
+    ) -> Float64[np.ndarray, "n 9"]:
+        """Rows in which things behind the skin do not count.
+
+        A dot with another size than at rest is measured together with such a thing: its variance is larger.
+        Where its rim is seen, the share of the rim states how certain the dot is; and where the centre of the
+        rim is elsewhere, it is the centre of the dot.
+        """
+        rim_px, share = rims
+        rows, has_rim = rows.copy(), share > 0.0
         with np.errstate(invalid="ignore"):
             change = np.abs(np.sqrt(rows[:, AREA] / np.pi) / radius_px - 1.0)
-        std_px = self.scene_std * radius_px * np.maximum(change - self.steady_radius, 0.0)
-        rows = rows.copy()
-        rows[:, [CXX, CYY]] += std_px[:, None] ** 2
+            gap = np.linalg.norm(rim_px - rows[:, [X, Y]], axis=1) / radius_px
+        std = self.scene_std * np.maximum(change - self.steady_radius, 0.0)
+        rim_std = self.rim_std + self.hidden_rim_std * (1.0 - share) ** 2
+        std[has_rim] = np.minimum(std, rim_std)[has_rim]
+        part = np.clip(gap / self.rim_gap - 1.0, 0.0, 1.0)[has_rim]
+        std[has_rim] = np.maximum(std[has_rim], part * rim_std[has_rim])
+        away_px = (rim_px - rows[:, [X, Y]])[has_rim]
+        rows[has_rim, X] += part * away_px[:, 0]
+        rows[has_rim, Y] += part * away_px[:, 1]
+        rows[:, [CXX, CYY]] += (radius_px * std)[:, None] ** 2
         return rows
 
     def _search_image(

@@ -1,5 +1,8 @@
 """Search for the dots of known sensors in every frame."""
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 
@@ -202,3 +205,30 @@ def test_a_sensor_without_markers_is_refused() -> None:
     given = sensor(lattice(), 8.0)
     with pytest.raises(SensorError, match="no markers"):
         DotSearch().start(Sensor(name="camera only", camera=given.camera))
+
+
+def test_a_printed_board_that_moves_behind_a_skin_moves_no_dot() -> None:
+    """Its dark squares touch most of the dots; by the mean of its pixels every tenth is 1.2 px off."""
+    centre_px, radius_px = lattice(80.0), 5.0
+    plain = sensor(centre_px, radius_px, polarity="dark")
+    assert plain.layout is not None
+    known = replace(plain, layout=replace(plain.layout, is_before_scene=True))
+    search = DotSearch()
+    state = search.start(known)
+    squares = np.random.default_rng(4).random((HEIGHT // 7 + 30, WIDTH // 7 + 30)) < 0.5
+    board = cv2.resize(np.where(squares, 45.0, 150.0), None, fx=7, fy=7, interpolation=cv2.INTER_NEAREST)
+    off_px = []
+    for number in range(12):
+        image = cv2.GaussianBlur(board[3 * number :, 4 * number :][:HEIGHT, :WIDTH], (0, 0), 1.2)
+        for x, y in centre_px:
+            cv2.circle(image, (round(16 * x), round(16 * y)), round(16 * radius_px), 12.0, -1, cv2.LINE_AA, 4)
+        image = cv2.GaussianBlur(image, (0, 0), 0.7)
+        image += np.random.default_rng(number).normal(0.0, 1.5, image.shape)
+        state, found = search.step(state, frame(np.clip(image, 0, 255).astype(np.uint8)), centre_px)
+        away_px = found.centre_px[:, None] - centre_px
+        nearest = np.linalg.norm(away_px, axis=2).argmin(axis=1)
+        away_px = away_px[np.arange(len(nearest)), nearest]
+        off_px.extend(np.linalg.norm(away_px, axis=1))
+        assert len(found.centre_px) > 0.9 * len(centre_px)
+    assert np.quantile(off_px, 0.9) < 0.6
+    assert np.quantile(off_px, 0.98) < 0.8
