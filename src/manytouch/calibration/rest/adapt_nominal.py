@@ -142,7 +142,8 @@ def _with_print(sensor: Sensor, found: Layout, given_mm: float | tuple[float, fl
     if residual > MOST_RESIDUAL:
         raise LayoutError(
             f"the recording shows {shapes[0]} markers that lie {100 * residual:.0f} % of a pitch (RMS) off a "
-            f"plane in the camera of {sensor.name!r}: it is of another sensor{_ADVICE}"
+            f"plane in the camera of {sensor.name!r}: it is of another sensor, or something presses on it "
+            f"where it begins: begin it untouched{_ADVICE.replace(':', ',', 1)}"
         )
     kept = "camera, pitch and sheet are" if is_same else "distance of the camera and sheet are"
     changed = "" if is_same else f" The pitch of {pitch_mm[0]:.2f} x {pitch_mm[1]:.2f} mm follows."

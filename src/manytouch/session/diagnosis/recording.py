@@ -86,7 +86,7 @@ def _diagnose_frames(source: Source, text: str, roi_px: Roi | None) -> Iterator[
     sensor = calibration.sensor_from_rest(frames, name=source.name, roi_px=roi_px)
     if track_markers(sensor, frames, roi_px).compression_std_px > 0.0:
         yield f"warning: {COMPRESSED_VIDEO}"
-    if source.capabilities.device is None:
+    if source.capabilities.device is None and source.frame_count != len(frames):
         yield f"only the first {len(frames)} frames were looked at: manytouch process looks at all"
 
 
@@ -217,8 +217,9 @@ def _describe_odd_pitch(x_px: float, y_px: float, differs: float, dot_height_ove
 
 
 def _describe_rest(layout: LayoutReport, frames: int) -> str:
-    first = "the only frame" if frames == 1 else f"the first {frames} frames"
-    text = f"rest: no motion in {layout.still_frames} of {first}"
+    text = f"rest: no motion in {layout.still_frames} of the first {frames} frames"
+    if frames == 1:
+        text = "rest: taken from the only frame, which shows no motion"
     if layout.bulge_pitches > PRESSED_PITCHES:
         text += (
             f", but the markers deviate by {layout.bulge_pitches:.2f} pitches from a smooth lattice: "

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -91,6 +92,28 @@ def test_a_pitch_that_is_given_is_that_of_the_print_and_moves_the_camera(
         expected_mm = DISTANCE_MM * float(np.mean(wanted / np.array(PITCH_MM)))
         assert found.sensor.camera.translation_mm[2] == pytest.approx(expected_mm, rel=0.03)
         assert any("check pitch_mm" in sentence for sentence in found.warnings)
+
+
+def test_a_sheet_that_is_pressed_where_it_begins_is_named_as_a_cause() -> None:
+    """A wide press moves the markers as another sensor would."""
+    given = nominal(ROWS + 2, COLUMNS + 2)
+    pressed = frames()
+    assert pressed[0].image is not None
+    height, width = pressed[0].image.shape[:2]
+    y, x = np.mgrid[:height, :width].astype(np.float32)
+    dx, dy = x - 0.6 * width, y - 0.55 * height
+    near = np.exp(-(dx**2 + dy**2) / (2.0 * (0.13 * width) ** 2))
+    sources = (x - 0.6 * near * dx).astype(np.float32), (y - 0.6 * near * dy).astype(np.float32)
+    moved = [
+        replace(
+            each, image=cv2.remap(each.image, *sources, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        )
+        for each in pressed
+    ]
+    with pytest.raises(
+        LayoutError, match="something presses on it where it begins: begin it untouched, give"
+    ):
+        register_nominal(given, moved)
 
 
 def test_markers_that_no_camera_sees_so_are_refused() -> None:

@@ -61,6 +61,12 @@ def test_an_even_print_gets_no_advice(tmp_path: Path) -> None:
     assert "pitch differs" not in line
 
 
+def test_of_a_picture_all_is_looked_at(tmp_path: Path) -> None:
+    lines = list(diagnose(write_picture(tmp_path / "one.png", pitch=(1.0, 1.0), radius=(1.0, 1.0))))
+    assert "rest: taken from the only frame, which shows no motion" in lines
+    assert not any("only the first" in line for line in lines)
+
+
 @pytest.mark.parametrize("changes", ["everywhere", "in a half", "nowhere"])
 def test_compressed_video_is_noticed_as_in_processing(tmp_path: Path, changes: str) -> None:
     image = picture()
