@@ -10,7 +10,7 @@ the centre the brightness falls most at the rim, and a circle goes through most 
 import numpy as np
 from jaxtyping import Float32, Float64, Shaped
 
-from manytouch.compilation import inlined_kernel, kernel, no_type_check
+from manytouch.compilation import REORDER, f32, inlined_kernel, kernel, no_type_check
 from manytouch.values.arrays import Points2, Scalars
 
 RAYS = 16
@@ -22,8 +22,10 @@ ROUND = 0.08
 """Deviation of a rim from a circle, over the radius, from which on it counts less."""
 RADIUS_WEIGHT = 8.0
 """Weight of the known radius, in rays."""
-WALKS, REPEATS = 3, 8
-STILL = 0.02  # of the radius: a shorter walk is the last
+WINDOW = 2.2
+"""Distance from the given position to the border of what is looked at, over the radius."""
+WALKS, REPEATS = 3, 5
+STILL = 0.05  # of the radius: a shorter walk is the last
 LEAST_SHARE = 0.6
 """Least share of rays on the circle with which it is the dot."""
 
@@ -32,40 +34,48 @@ _ALONG_Y = np.sin(2.0 * np.pi * np.arange(RAYS) / RAYS)
 _LIKELY = np.exp(-0.5 * ((NEAREST + STEP * np.arange(SAMPLES) - 1.0) / NEAR_RIM) ** 2)
 
 
+@kernel(fastmath=REORDER)
+@no_type_check
+def _cut_out(
+    rows: Shaped[np.ndarray, "h wc"], weights: Float32[np.ndarray, " c"], x0: int, y0: int,
+    grey: Float32[np.ndarray, "v u"],
+) -> None:  # fmt: skip
+    """Grey levels of a part of an image whose first pixel is (x0, y0)."""
+    channels = weights.shape[0]
+    for v in range(grey.shape[0]):
+        for u in range(grey.shape[1]):
+            total = f32(0.0)
+            for c in range(channels):
+                total += weights[c] * f32(rows[y0 + v, (x0 + u) * channels + c])
+            grey[v, u] = total
+
+
 @inlined_kernel()
 @no_type_check
-def _grey(
-    rows: Shaped[np.ndarray, "h wc"], weights: Float32[np.ndarray, " c"], width: int, x: float, y: float
-) -> float:
-    """Grey level between pixels; beyond the image that of its border."""
-    height, channels = rows.shape[0], weights.shape[0]
-    x, y = min(max(x, 0.0), width - 1.001), min(max(y, 0.0), height - 1.001)
+def _between(grey: Float32[np.ndarray, "v u"], x: float, y: float) -> float:
+    """Grey level between pixels; beyond the border that of the border."""
+    x, y = min(max(x, 0.0), grey.shape[1] - 1.001), min(max(y, 0.0), grey.shape[0] - 1.001)
     u, v = int(x), int(y)
     dx, dy = x - u, y - v
-    grey = 0.0
-    for c in range(channels):
-        near, right = u * channels + c, (u + 1) * channels + c
-        above = rows[v, near] * (1.0 - dx) + rows[v, right] * dx
-        below = rows[v + 1, near] * (1.0 - dx) + rows[v + 1, right] * dx
-        grey += weights[c] * (above * (1.0 - dy) + below * dy)
-    return grey
+    above = grey[v, u] * (1.0 - dx) + grey[v, u + 1] * dx
+    below = grey[v + 1, u] * (1.0 - dx) + grey[v + 1, u + 1] * dx
+    return above * (1.0 - dy) + below * dy
 
 
 @kernel()
 @no_type_check
 def _find_rim(
-    rows: Shaped[np.ndarray, "h wc"], weights: Float32[np.ndarray, " c"], x: float, y: float, radius: float,
+    grey: Float32[np.ndarray, "v u"], x: float, y: float, radius: float,
     place: Float64[np.ndarray, " r"], fall: Float64[np.ndarray, " r"],
 ) -> None:  # fmt: skip
     """Where each ray leaves the dot, over the radius and less 1, and how much the brightness falls there."""
-    width = rows.shape[1] // weights.shape[0]
     level = np.empty(SAMPLES)
     likely = np.empty(SAMPLES)
     for ray in range(RAYS):
         u, v = radius * _ALONG_X[ray], radius * _ALONG_Y[ray]
         for k in range(SAMPLES):
             away = NEAREST + STEP * k
-            level[k] = _grey(rows, weights, width, x + away * u, y + away * v)
+            level[k] = _between(grey, x + away * u, y + away * v)
         best = 2
         for k in range(1, SAMPLES - 1):
             likely[k] = max(level[k - 1] - level[k + 1], 0.0) * _LIKELY[k]
@@ -123,14 +133,21 @@ def _fit_rims(
     rows: Shaped[np.ndarray, "h wc"], weights: Float32[np.ndarray, " c"], near: Float64[np.ndarray, "n 2"],
     radius: Float64[np.ndarray, " n"], out: Float64[np.ndarray, "n 3"],
 ) -> None:  # fmt: skip
-    place, fall = np.empty(RAYS), np.empty(RAYS)
+    place, fall, width = np.empty(RAYS), np.empty(RAYS), rows.shape[1] // weights.shape[0]
     for i in range(near.shape[0]):
         out[i, 0], out[i, 1], out[i, 2] = np.nan, np.nan, 0.0
         x, y, share = near[i, 0], near[i, 1], 0.0
         if not (abs(x) < 1e6 and abs(y) < 1e6 and radius[i] > 0.0):
             continue
+        reach = int(WINDOW * radius[i]) + 2
+        x0, x1 = max(int(x) - reach, 0), min(int(x) + reach, width)
+        y0, y1 = max(int(y) - reach, 0), min(int(y) + reach, rows.shape[0])
+        if x1 - x0 < 2 or y1 - y0 < 2:
+            continue
+        grey = np.empty((y1 - y0, x1 - x0), dtype=np.float32)
+        _cut_out(rows, weights, x0, y0, grey)
         for _ in range(WALKS):
-            _find_rim(rows, weights, x, y, radius[i], place, fall)
+            _find_rim(grey, x - x0, y - y0, radius[i], place, fall)
             dx, dy, share = _fit_circle(place, fall)
             x += radius[i] * min(max(dx, -1.0), 1.0)
             y += radius[i] * min(max(dy, -1.0), 1.0)
@@ -146,7 +163,7 @@ def fit_rims(
     """Centres (n, 2) of the rims of dots near given positions, NaN without one, and the shares seen (n,).
 
     Args:
-        image: (h, w) or (h, w, c), at least 2 x 2.
+        image: (h, w) or (h, w, c).
         weights: (c,) of the channels, signed so that dots are light.
         near_px: (n, 2) a dot is within about half a radius; NaN is allowed.
         radius_px: (n,) of the dots.

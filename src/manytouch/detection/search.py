@@ -146,7 +146,8 @@ class DotSearch:
         else:
             rows, radius_px = _search_windows(state, image, weights, noise, expected_px - corner)
         if state.is_before_scene and expected_px is not None:
-            rows = self._with_scene(rows, radius_px, fit_rims(image, weights, rows[:, [X, Y]], radius_px))
+            rims = self._rims(image, weights, rows, radius_px, expected_px - corner)
+            rows = self._with_scene(rows, radius_px, rims)
         found, edge_px = self._select(rows, radius_px, state.markers, noise, corner)
         status = find_condition(
             state.reference, frame.image, found, edge_px, level_scale=scale, markers=state.markers
@@ -182,6 +183,23 @@ class DotSearch:
             contrast=selected.contrast[:number],
         )
         return found, selected.edge[:number]
+
+    def _rims(
+        self,
+        image: np.ndarray,
+        weights: Float64[np.ndarray, " c"],
+        rows: Float64[np.ndarray, "n 9"],
+        radius_px: Scalars,
+        expected_px: Points2,
+    ) -> tuple[Points2, Scalars]:
+        """Rims near the measured dots, or near their expected positions where more of a rim is there."""
+        rim_px, share = fit_rims(image, weights, rows[:, [X, Y]], radius_px)
+        away_px = np.linalg.norm(rows[:, [X, Y]] - expected_px, axis=1)
+        far = np.flatnonzero(away_px > 2.0 * self.rim_gap * radius_px)
+        other_px, other_share = fit_rims(image, weights, expected_px[far], radius_px[far])
+        is_better = other_share > share[far]
+        rim_px[far[is_better]], share[far[is_better]] = other_px[is_better], other_share[is_better]
+        return rim_px, share
 
     def _with_scene(
         self, rows: Float64[np.ndarray, "n 9"], radius_px: Scalars, rims: tuple[Points2, Scalars]

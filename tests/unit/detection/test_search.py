@@ -207,17 +207,14 @@ def test_a_sensor_without_markers_is_refused() -> None:
         DotSearch().start(Sensor(name="camera only", camera=given.camera))
 
 
-def test_a_printed_board_that_moves_behind_a_skin_moves_no_dot() -> None:
-    """Its dark squares touch most of the dots; by the mean of its pixels every tenth is 1.2 px off."""
-    centre_px, radius_px = lattice(80.0), 5.0
-    plain = sensor(centre_px, radius_px, polarity="dark")
-    assert plain.layout is not None
-    known = replace(plain, layout=replace(plain.layout, is_before_scene=True))
+def off_before(board: np.ndarray, radius_px: float) -> tuple[list[float], float]:
+    """How far dark dots of a transparent skin are off before a board that moves, px, and the share seen."""
+    centre_px = lattice(80.0)
+    clear = sensor(centre_px, radius_px, polarity="dark")
+    assert clear.layout is not None
     search = DotSearch()
-    state = search.start(known)
-    squares = np.random.default_rng(4).random((HEIGHT // 7 + 30, WIDTH // 7 + 30)) < 0.5
-    board = cv2.resize(np.where(squares, 45.0, 150.0), None, fx=7, fy=7, interpolation=cv2.INTER_NEAREST)
-    off_px = []
+    state = search.start(replace(clear, layout=replace(clear.layout, is_before_scene=True)))
+    off_px: list[float] = []
     for number in range(12):
         image = cv2.GaussianBlur(board[3 * number :, 4 * number :][:HEIGHT, :WIDTH], (0, 0), 1.2)
         for x, y in centre_px:
@@ -225,10 +222,25 @@ def test_a_printed_board_that_moves_behind_a_skin_moves_no_dot() -> None:
         image = cv2.GaussianBlur(image, (0, 0), 0.7)
         image += np.random.default_rng(number).normal(0.0, 1.5, image.shape)
         state, found = search.step(state, frame(np.clip(image, 0, 255).astype(np.uint8)), centre_px)
-        away_px = found.centre_px[:, None] - centre_px
-        nearest = np.linalg.norm(away_px, axis=2).argmin(axis=1)
-        away_px = away_px[np.arange(len(nearest)), nearest]
-        off_px.extend(np.linalg.norm(away_px, axis=1))
-        assert len(found.centre_px) > 0.9 * len(centre_px)
+        distance_px = np.linalg.norm(found.centre_px[:, None] - centre_px, axis=2)
+        off_px.extend(distance_px.min(axis=1))
+    return off_px, len(off_px) / (12 * len(centre_px))
+
+
+def test_a_printed_board_that_moves_behind_a_skin_moves_no_dot() -> None:
+    """Its dark squares touch most of the dots; by the mean of its pixels every tenth is 1.2 px off."""
+    squares = np.random.default_rng(4).random((HEIGHT // 7 + 30, WIDTH // 7 + 30)) < 0.5
+    board = cv2.resize(np.where(squares, 45.0, 150.0), None, fx=7, fy=7, interpolation=cv2.INTER_NEAREST)
+    off_px, seen = off_before(board, 5.0)
+    assert seen > 0.95
     assert np.quantile(off_px, 0.9) < 0.6
     assert np.quantile(off_px, 0.98) < 0.8
+
+
+def test_dark_spots_behind_a_skin_are_not_taken_for_its_dots() -> None:
+    """Some of them are as large as the dots, and the steps from the expected position lead to them."""
+    spots = np.random.default_rng(4).normal(size=(HEIGHT + 60, WIDTH + 60))
+    spots = cv2.GaussianBlur(spots, (0, 0), 7.0)
+    off_px, seen = off_before(np.clip(60.0 + 30.0 * spots / spots.std(), 8.0, None), 4.5)
+    assert seen > 0.95
+    assert np.quantile(off_px, 0.98) < 1.5

@@ -12,6 +12,8 @@ import numba
 import numpy as np
 import pytest
 
+from manytouch.detection import search
+from manytouch.detection.rim import fit_rims
 from manytouch.estimation.mechanics.clusters import model_order
 from manytouch.estimation.mechanics.undescribed_frames import UndescribedFrames, WithoutSheet
 from manytouch.pipeline import TrackedFrame
@@ -83,6 +85,20 @@ def test_mechanics_also_compiles_for_bars_faces_and_assumed_sheets(monkeypatch: 
     monkeypatch.setattr(UndescribedFrames, "step", observed(UndescribedFrames.step))
     compile_stage.compile_stage("mechanics", "contacts")
     assert called == {"fit_bar", "fit_elliptic_face", "step"}
+
+
+def test_dots_before_a_scene_are_compiled_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    shares = []
+
+    def observed(*arguments: Any) -> Any:
+        found = fit_rims(*arguments)
+        shares.append(found[1])
+        return found
+
+    monkeypatch.setattr(search, "fit_rims", observed)
+    monkeypatch.setattr(compile_stage, "FRAMES", (0, 1))
+    compile_stage.compile_stage("perimeter", "pixels")
+    assert np.median(shares[0]) > 0.9
 
 
 def test_true_positions_are_of_the_same_kinds_as_tracked_ones(monkeypatch: pytest.MonkeyPatch) -> None:

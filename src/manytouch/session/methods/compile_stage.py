@@ -15,6 +15,7 @@ import numpy as np
 from numba.core import event
 
 from manytouch.calibration import sensor_from_rest
+from manytouch.detection import DotSearch
 from manytouch.errors import ManytouchError
 from manytouch.session.methods.pipelines import PAD, pipeline_for
 from manytouch.sources.simulated import simulated_source
@@ -51,12 +52,20 @@ def compile_stage(method: str, stage: str) -> None:
             sensor_from_rest(frames[:AT_REST_COUNT], name=SCENE)
         for _ in pipeline.track_frames([*frames, *frames_without_markers(frames)], simulator.sensor):
             pass
+        search, place_px = DotSearch(), simulator.truth(0).grid.position_px
+        search.step(search.start(before_scene(simulator.sensor)), frames[0], place_px)
     else:
         grids = [simulator.truth(number).grid for number in shown]
         for sensor, seen in _sheets(simulator.sensor, grids, is_mechanics=method == "mechanics"):
             state = pipeline.estimate.start(sensor)
             for grid in seen:
                 state, _, _ = pipeline.estimate.step(state, grid)
+
+
+def before_scene(sensor: Sensor) -> Sensor:
+    """The sensor as if its sheet were transparent."""
+    assert sensor.layout is not None
+    return replace(sensor, layout=replace(sensor.layout, is_before_scene=True))
 
 
 def _sheets(
