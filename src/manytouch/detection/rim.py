@@ -28,6 +28,8 @@ WALKS, REPEATS = 3, 5
 STILL = 0.05  # of the radius: a shorter walk is the last
 LEAST_SHARE = 0.6
 """Least share of rays on the circle with which it is the dot."""
+LEAST_RADIUS_PX = 2.5
+"""Smaller dots have too few pixels for a rim."""
 
 _ALONG_X = np.cos(2.0 * np.pi * np.arange(RAYS) / RAYS)
 _ALONG_Y = np.sin(2.0 * np.pi * np.arange(RAYS) / RAYS)
@@ -137,7 +139,7 @@ def _fit_rims(
     for i in range(near.shape[0]):
         out[i, 0], out[i, 1], out[i, 2] = np.nan, np.nan, 0.0
         x, y, share = near[i, 0], near[i, 1], 0.0
-        if not (abs(x) < 1e6 and abs(y) < 1e6 and radius[i] > 0.0):
+        if not (abs(x) < 1e6 and abs(y) < 1e6 and radius[i] >= LEAST_RADIUS_PX):
             continue
         reach = int(WINDOW * radius[i]) + 2
         x0, x1 = max(int(x) - reach, 0), min(int(x) + reach, width)

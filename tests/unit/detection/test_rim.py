@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from manytouch.detection import measure
-from manytouch.detection.rim import LEAST_SHARE, fit_rims
+from manytouch.detection.rim import LEAST_RADIUS_PX, LEAST_SHARE, fit_rims
 
 DARK = np.full(3, -1.0 / 3.0)
 
@@ -58,7 +58,15 @@ def test_there_is_no_rim_without_a_dot() -> None:
     found_px, share = fit_rims(image, DARK, np.array([[30.0, 30.0], [np.nan, 3.0]]), np.array([4.0, 4.0]))
     assert not np.isfinite(found_px).any()
     assert not share.any()
-    assert LEAST_SHARE > 0.5
+
+
+def test_small_dots_have_no_rim() -> None:
+    centre_px, background = np.array([[30.0, 30.0]]), np.full((60, 60), 140.0)
+    for radius_px, has_rim in ((LEAST_RADIUS_PX - 0.3, False), (LEAST_RADIUS_PX + 0.3, True)):
+        image = before(background, centre_px[0], radius_px)
+        found_px, share = fit_rims(image, DARK, centre_px, np.array([radius_px]))
+        assert np.isfinite(found_px).all() == has_rim
+        assert (share[0] > LEAST_SHARE) == has_rim
 
 
 @pytest.mark.parametrize("image_type", [np.uint16, np.float32])
