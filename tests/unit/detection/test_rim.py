@@ -60,6 +60,15 @@ def test_there_is_no_rim_without_a_dot() -> None:
     assert not share.any()
 
 
+def test_pixels_that_are_no_numbers_give_no_rim() -> None:
+    image = before(boards(20.0, 2.0, 60.0), np.array([30.0, 30.0]), 4.0).astype(np.float32)
+    image[27:33, 25:35] = np.nan
+    near_px = np.array([[30.0, 30.0], [-4.0, 70.0], [59.4, 0.2], [1e5, 30.0]])
+    found_px, share = fit_rims(image, DARK, near_px, np.full(4, 4.0))
+    assert not np.isfinite(found_px[[0, 3]]).any()
+    assert not share[[0, 3]].any()
+
+
 def test_small_dots_have_no_rim() -> None:
     centre_px, background = np.array([[30.0, 30.0]]), np.full((60, 60), 140.0)
     for radius_px, has_rim in ((LEAST_RADIUS_PX - 0.3, False), (LEAST_RADIUS_PX + 0.3, True)):
