@@ -59,8 +59,8 @@ def _between(grey: Float32[np.ndarray, "v u"], x: float, y: float) -> float:
     x, y = min(max(x, 0.0), grey.shape[1] - 1.001), min(max(y, 0.0), grey.shape[0] - 1.001)
     u, v = int(x), int(y)
     dx, dy = x - u, y - v
-    above = grey[v, u] * (1.0 - dx) + grey[v, u + 1] * dx
-    below = grey[v + 1, u] * (1.0 - dx) + grey[v + 1, u + 1] * dx
+    above: float = grey[v, u] * (1.0 - dx) + grey[v, u + 1] * dx
+    below: float = grey[v + 1, u] * (1.0 - dx) + grey[v + 1, u + 1] * dx
     return above * (1.0 - dy) + below * dy
 
 
