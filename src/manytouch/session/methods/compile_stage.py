@@ -26,6 +26,7 @@ from manytouch.values.sensor_file.assumed_sheet import assumed_sheet
 SCENE, WIDTH_PX = "one", 640
 FRAMES = (0, 1, *range(38, 44), *range(50, 75, 5), *range(130, 150, 5), 170)  # at rest, in contact, released
 AT_REST_COUNT = 2  # of these, the first ones
+OF_PRESSED = 3  # each third one for long and wide objects and an assumed sheet: others call the same kernels
 Shifts = tuple[tuple[int, int], ...]
 LONG: Shifts = ((0, -1), (0, 1))
 WIDE: Shifts = tuple((row, column) for row in range(-2, 3) for column in range(-2, 3))
@@ -81,9 +82,10 @@ def _sheets(
         return
     layout = sensor.layout
     assert layout is not None
-    wide = [drawn_out(layout, grids[0], grid, by) for by in (LONG, WIDE) for grid in grids[AT_REST_COUNT:-1]]
+    pressed = grids[AT_REST_COUNT:-1]
+    wide = [drawn_out(layout, grids[0], grid, by) for by in (LONG, WIDE) for grid in pressed[::OF_PRESSED]]
     yield sensor, [*grids[:-1], *wide, grids[-1]]
-    yield replace(sensor, sheet=assumed_sheet(layout)), grids
+    yield replace(sensor, sheet=assumed_sheet(layout)), [*grids[:AT_REST_COUNT], *pressed[::OF_PRESSED]]
 
 
 def drawn_out(layout: Layout, rest: TrackedGrid, grid: TrackedGrid, by: Shifts) -> TrackedGrid:
