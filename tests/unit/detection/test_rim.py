@@ -43,6 +43,17 @@ def test_a_dark_board_behind_a_part_of_a_dot_moves_its_rim_little(turn_deg: floa
     assert share[0] > 0.8
 
 
+@pytest.mark.parametrize(("near_px", "most_px"), [(1.0, 0.52), (2.0, 0.25)])
+def test_a_board_that_is_nearly_as_dark_as_the_dot(near_px: float, most_px: float) -> None:
+    """A part of the rim hardly shows: neither the known radius alone nor all rays alike give the centre."""
+    centre_px = np.array([[30.3, 29.6]])
+    for turn_deg in (0.0, 65.0, 130.0, 250.0):
+        image = before(boards(turn_deg, near_px, 20.0), centre_px[0], 4.5)
+        start_px = measure(image, DARK, centre_px, np.array([4.5]), noise=2.0).centre_px
+        found_px, _ = fit_rims(image, DARK, start_px, np.array([4.5]))
+        assert np.linalg.norm(found_px - centre_px) < most_px
+
+
 def test_the_rim_follows_a_dot_that_moves() -> None:
     y, x = np.mgrid[:60, :60]
     background = np.where((x // 5 + y // 5) % 2, 140.0, 60.0)

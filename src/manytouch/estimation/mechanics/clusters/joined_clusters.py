@@ -123,10 +123,10 @@ def _joint_covariance(each: Float64[np.ndarray, "k 6 6"], share: Scalars) -> Flo
 def depths_and_rises(
     shell: Shell, coefficient_mm: Nodal, centre_mm: Points2
 ) -> tuple[Scalars, Float64[np.ndarray, "c c"]]:
-    """Depths (c,) of the sheet at places (c, 2), and by how much it is at most less deep between two of them.
+    """Depths (c,) of the sheet at two places or more (c, 2), and by how much it is less deep between two.
 
-    The latter (c, c) is measured from the straight line between the two; it is 0 where the sheet is nowhere
-    less deep.
+    The latter (c, c), in mm, is the most by which the sheet is less deep than the straight line between two
+    places: 0 where it is nowhere less deep, infinite for a place and itself.
     """
     count = len(centre_mm)
     first, second = np.triu_indices(count, 1)
