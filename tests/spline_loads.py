@@ -38,6 +38,7 @@ NODES = ForceNodes(
     force_unit_mm2=12.0,
     least_seen_px=5.0,
     seen_mm2_per_px=0.01,
+    compliance_per_mm=np.ones(int(np.prod(SHAPE))),
     stiffening=0.0,
     own_spread_mm2=np.array(ELEMENT_MM) ** 2 / 3.0,
 )

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float64
 
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.banded.band import BandFactor, band_rows, factorise, new_band
@@ -49,6 +50,35 @@ def tangent_factor(shell: Shell, tangent: np.ndarray) -> BandFactor:
         if factor is not None:
             return factor
         stiffening = max(MIN_STIFFENING, 10.0 * stiffening)
+
+
+def compliances_at_rest(shell: Shell, tangent: np.ndarray) -> Float64[np.ndarray, " nodes"]:
+    """Deflection at each node by a normal force over E of 1 mm^2 there, per mm; 0 at a clamped outline.
+
+    Args:
+        shell: the sheet.
+        tangent: (nodes, 3, 3, 7, 8) at rest, where in-plane displacements do not change deflections.
+    """
+    patch, reach = shell.patch, tangent_kernels.REACH
+    fast = patch.shape[1]
+    band = new_band(patch.node_count, reach * (fast + 1), np.float64)
+    rows = band_rows(band)
+    for slow_step, fast_step in np.ndindex(reach + 1, tangent_kernels.ROW):
+        away = slow_step * fast + fast_step - reach
+        if away >= 0:
+            rows[:, away] = tangent[:, 2, 2, reach + slow_step, fast_step]
+    rows[~patch.is_free[:, 2], 0] = 1.0
+    factor = factorise(band)
+    if factor is None:
+        raise ValueError("the sheet at rest is not stable")
+    # a quarter of the sheet; the others are as compliant
+    along_slow, along_fast = (np.minimum(np.arange(count), np.arange(count)[::-1]) for count in patch.shape)
+    quarter = np.arange(along_slow.max() + 1)[:, None] * fast + np.arange(along_fast.max() + 1)
+    points = patch.at(patch.place_mm[quarter.ravel()])
+    load = np.zeros((quarter.size, patch.node_count))
+    load[np.arange(quarter.size)[:, None], points.node] = points.deflection
+    found_per_mm = (factor.whiten(load * patch.is_free[:, 2]) ** 2).sum(axis=1).reshape(quarter.shape)
+    return np.asarray(found_per_mm[np.ix_(along_slow, along_fast)].ravel())
 
 
 def equilibrium(

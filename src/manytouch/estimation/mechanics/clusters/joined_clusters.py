@@ -179,23 +179,22 @@ def with_enclosed(
 
 
 def without_weak(
-    clusters: Clusters, own: Int64[np.ndarray, " k"], least: int, min_ratio: float
+    alone_mm: Scalars, own: Int64[np.ndarray, " k"], least: int, min_ratio: float
 ) -> Iterator[Int64[np.ndarray, " _"]]:
     """The group, then without its weakest cluster, and so on while that is much weaker than the first.
 
     Errors of the sensor file cause weak forces near a face, or between its ends.
 
     Args:
-        clusters: of a frame.
+        alone_mm: (c,) depths that the forces of the clusters would cause one by one.
         own: numbers of those of the group.
         least: number of clusters that remain.
-        min_ratio: of a force to the largest one, above which it is not weak.
+        min_ratio: of such a depth to the largest one, above which a cluster is not weak.
     """
-    own = own[np.argsort(-clusters.normal_mm2[own], kind="stable")]
-    force = clusters.normal_mm2[own]
+    own = own[np.argsort(-alone_mm[own], kind="stable")]
     for count in range(len(own), least - 1, -1):
         yield own[:count]
-        if force[count - 1] >= min_ratio * force[0]:
+        if alone_mm[own[count - 1]] >= min_ratio * alone_mm[own[0]]:
             return
 
 

@@ -3,7 +3,8 @@
 Between two places where a rigid flat face presses, the sheet is nowhere less deep than the straight line
 between them. Between two objects on a taut sheet it is less deep. On a slack sheet, where the hollow of one
 contact reaches another one, it need not be, so that this condition is necessary but not sufficient. In
-addition, clusters that fulfil it are joined
+addition, clusters that fulfil it are joined ("as strong" is by the depth that a force would cause alone, as a
+sheet gives way less near a clamp)
 
 - if there are four or more, their depths are on one plane, and the sheet is flat between each and two others,
   unless two of them have been contacts for some frames;
@@ -61,6 +62,7 @@ class _Frame:
         model: of the sheet.
         clusters: before any are joined.
         depth_mm: (c,) depth of the sheet at their centres.
+        alone_mm: (c,) depths that their forces would cause one by one on the sheet at rest.
         frames: (c,) number of frames for which there has been a contact at their centres, or 0.
         was_apart: (c, c) pairs that were two contacts in the previous frame.
         was_long_apart: (c, c) those of them that have been for more than `RigidFaces.undecided_frames`.
@@ -71,6 +73,7 @@ class _Frame:
     model: InversionModel
     clusters: Clusters
     depth_mm: Scalars
+    alone_mm: Scalars
     frames: Numbers
     was_apart: Pairs
     was_long_apart: Pairs
@@ -115,8 +118,9 @@ class RigidFaces:
         edge_thickness, edge_ratio: two clusters are edges of one face if the pressure of both has at least
             this standard deviation across the line between them, in thicknesses (shorter edges look like
             balls), and this one over that along it. Fingertips have a ratio of at most 1.6.
-        min_force_ratio: least ratio of the forces of the clusters of one face.
-        max_depth_ratio: largest difference of the depths of two or three clusters, over the deepest one.
+        min_alone_ratio: least ratio of the depths that the forces of clusters of one face would cause alone.
+        max_depth_ratio, max_kept_depth_ratio: largest difference of the depths of two or three clusters, over
+            the deepest one; the latter if they continue one contact, as a body may tilt.
         plane_share: largest distance of the depths of four clusters or more from a plane, over their depth.
         reach_pitch: a cluster is the contact of the previous frame that is nearest to it, if that is within
             this distance, in pitches.
@@ -143,8 +147,9 @@ class RigidFaces:
     pair_rise_share: float = 0.04
     edge_thickness: float = 0.75
     edge_ratio: float = 2.0
-    min_force_ratio: float = 0.3
+    min_alone_ratio: float = 0.3
     max_depth_ratio: float = 0.06
+    max_kept_depth_ratio: float = 0.12
     plane_share: float = 0.06
     reach_pitch: float = 1.5
     edge_share: float = 0.5
@@ -210,6 +215,7 @@ class RigidFaces:
             model=model,
             clusters=clusters,
             depth_mm=depth_mm,
+            alone_mm=clusters.normal_mm2 * model.compliance_per_mm(clusters.centre_mm),
             frames=frames[same],
             was_apart=was_apart,
             was_long_apart=was_apart & (longer > self.undecided_frames),
@@ -221,7 +227,7 @@ class RigidFaces:
         """Faces of four clusters or more, or of three in a row, whose depths are on one plane."""
         faces = []
         for group in connected_groups(is_flat):
-            for own in without_weak(frame.clusters, group, _PLANE - 1, self.min_force_ratio):
+            for own in without_weak(frame.alone_mm, group, _PLANE - 1, self.min_alone_ratio):
                 apart = frame.was_apart if len(own) < _PLANE else frame.was_long_apart
                 if not apart[np.ix_(own, own)].any() and self._is_plane(frame, own, is_flat):
                     faces.append(with_enclosed(frame.clusters, frame.model.nodes, own, group))
@@ -232,7 +238,7 @@ class RigidFaces:
         """Faces of `least` clusters or more among groups of pairs that may be of one face."""
         faces = []
         for group in connected_groups(is_one, least):
-            for own in without_weak(frame.clusters, group, least, self.min_force_ratio):
+            for own in without_weak(frame.alone_mm, group, least, self.min_alone_ratio):
                 if self._is_one(frame, own):
                     faces.append(with_enclosed(frame.clusters, frame.model.nodes, own, group))
                     break
@@ -293,7 +299,7 @@ class RigidFaces:
             force_mm2, place_mm = clusters.normal_mm2[own], clusters.centre_mm[own]
             gap = float(np.linalg.norm(place_mm[1] - place_mm[0])) / frame.model.thickness_mm
             is_near = self.unchanged_thickness <= gap < self.resolved_thickness
-            is_even = force_mm2[1] >= self.min_force_ratio * force_mm2[0]
+            is_even = frame.alone_mm[own].min() >= self.min_alone_ratio * frame.alone_mm[own].max()
             centre_mm = force_mm2 @ place_mm / force_mm2.sum()
             before = earlier.nearest(centre_mm, self.same_centre_pitch * frame.model.pitch_mm)
             one_mm2 = 0.0 if before is None else float(earlier.one_mm2[before])
@@ -305,11 +311,11 @@ class RigidFaces:
 
     def _are_alike(self, frame: _Frame) -> Pairs:
         """(c, c) pairs that are about as deep and as strong."""
-        force_mm2, depth_mm = frame.clusters.normal_mm2, frame.depth_mm
-        ratio = np.minimum.outer(force_mm2, force_mm2) / np.maximum.outer(force_mm2, force_mm2)
+        alone_mm, depth_mm = frame.alone_mm, frame.depth_mm
+        ratio = np.minimum.outer(alone_mm, alone_mm) / np.maximum.outer(alone_mm, alone_mm)
         off_mm = np.abs(np.subtract.outer(depth_mm, depth_mm))
         limit_mm = self.max_depth_ratio * np.maximum.outer(depth_mm, depth_mm) + self.rise_mm
-        return np.asarray((ratio >= self.min_force_ratio) & (off_mm <= limit_mm))
+        return np.asarray((ratio >= self.min_alone_ratio) & (off_mm <= limit_mm))
 
     def _is_plane(self, frame: _Frame, own: Numbers, is_flat: Pairs) -> bool:
         """Whether there are four clusters or more, or three in a row, with depths on one plane.
@@ -378,16 +384,14 @@ class RigidFaces:
         return bool((is_same & is_own).any())
 
     def _began_as_one(self, frame: _Frame, own: Numbers, *, was_one: bool) -> bool:
-        """Whether two or three clusters are alike, and parts of one contact, or clearly apart.
-
-        In the latter case, none of them has been a contact for clearly longer than another.
-        """
-        depth, force = frame.depth_mm[own], frame.clusters.normal_mm2[own]
+        """Whether two or three clusters are alike, and were one contact or began together, far apart."""
+        depth_mm, alone_mm = frame.depth_mm[own], frame.alone_mm[own]
+        off_share = self.max_kept_depth_ratio if was_one else self.max_depth_ratio
         extent_mm = float(np.linalg.norm(np.ptp(frame.clusters.centre_mm[own], axis=0)))
         return bool(
             len(own) < _PLANE
             and (was_one or np.ptp(frame.frames[own]) <= self.undecided_frames)
             and (was_one or extent_mm >= self.min_pair_elements * float(frame.model.nodes.element_mm.max()))
-            and force.min() >= self.min_force_ratio * force.max()
-            and depth.max() - depth.min() <= self.max_depth_ratio * depth.max() + self.rise_mm
+            and alone_mm.min() >= self.min_alone_ratio * alone_mm.max()
+            and np.ptp(depth_mm) <= off_share * depth_mm.max() + self.rise_mm
         )

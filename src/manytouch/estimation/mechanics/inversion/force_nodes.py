@@ -20,6 +20,8 @@ class ForceNodes:
             force of a contact.
         seen_mm2_per_px: normal force over E, on a square of one pitch in the middle of the sheet at rest, by
             which the marker images move by 1 px: the root of the sum of squares over all of them.
+        compliance_per_mm: (n,) deflection at each node by a normal force over E of 1 mm^2 there, of the sheet
+            at rest; 0 at the outline.
         stiffening: relative growth of `seen_mm2_per_px` over the mean square of the slopes of the sheet.
         own_spread_mm2: (2,) second moment along x and y of the nodal forces of a point force.
     """
@@ -31,6 +33,7 @@ class ForceNodes:
     force_unit_mm2: float
     least_seen_px: float
     seen_mm2_per_px: float
+    compliance_per_mm: Float64[np.ndarray, " nodes"]
     stiffening: float
     own_spread_mm2: Float64[np.ndarray, "2"]
 

@@ -9,11 +9,11 @@ from manytouch.estimation.assumptions import view_is_assumed
 from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes
 from manytouch.geometry.spline.patch import Nodal, SplinePatch
 from manytouch.mechanics.markers.images import MarkerImages
-from manytouch.mechanics.shell.equilibrium import tangent_factor
+from manytouch.mechanics.shell.equilibrium import compliances_at_rest, tangent_factor
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.mechanics.solver.normal_equations import NormalEquations
 from manytouch.values import Camera, Layout, Sensor, Sheet, SheetSpline
-from manytouch.values.arrays import Mask, read_only
+from manytouch.values.arrays import Mask, Points2, Scalars, read_only
 from manytouch.values.sensor_file.assumed_sheet import ASSUMED_POISSON, assumed_sheet
 from manytouch.values.sensor_file.default_std import sheet_std
 
@@ -70,8 +70,13 @@ class InversionModel:
         """The model with another membrane force per length at rest, over E."""
         shell = replace(self.shell, pretension_over_E_mm=over_E_mm)
         dots = self.dots.changed(shell=shell)
-        seen_mm2_per_px = _seen_mm2_per_px(dots, self.pitch_mm)
-        nodes = replace(self.nodes, seen_mm2_per_px=seen_mm2_per_px, stiffening=_stiffening(shell))
+        seen_mm2_per_px, compliance_per_mm = _node_responses(dots, self.pitch_mm)
+        nodes = replace(
+            self.nodes,
+            seen_mm2_per_px=seen_mm2_per_px,
+            compliance_per_mm=compliance_per_mm,
+            stiffening=_stiffening(shell),
+        )
         equations = NormalEquations(shell=shell, dots=dots)
         return replace(
             self,
@@ -81,6 +86,11 @@ class InversionModel:
             normal_equations=equations,
             nodes=nodes,
         )
+
+    def compliance_per_mm(self, place_mm: Points2) -> Scalars:
+        """`ForceNodes.compliance_per_mm` at places (k, 2) of the sheet."""
+        points = self.patch.at(place_mm)
+        return np.asarray((points.value * self.nodes.compliance_per_mm[points.node]).sum(axis=1))
 
     def spline(
         self, coefficient_mm: Nodal, force_mm2: Nodal, pretension_std_mm: float = float("nan")
@@ -174,6 +184,7 @@ class NominalSheet:
         )
         inner_mm = 0.5 * sheet.size_mm - self.clamp_thickness * thickness_mm
         element_mm = np.array(patch.size_mm) / np.array(patch.elements)
+        seen_mm2_per_px, compliance_per_mm = _node_responses(dots, pitch_mm)
         return InversionModel(
             camera=sensor.camera,
             layout=layout,
@@ -190,7 +201,8 @@ class NominalSheet:
                 inner_mm=read_only(inner_mm),
                 force_unit_mm2=pitch_mm * thickness_mm,
                 least_seen_px=self.least_stds * usual_std_px,
-                seen_mm2_per_px=_seen_mm2_per_px(dots, pitch_mm),
+                seen_mm2_per_px=seen_mm2_per_px,
+                compliance_per_mm=compliance_per_mm,
                 stiffening=_stiffening(shell),
             ),
             pitch_mm=pitch_mm,
@@ -245,8 +257,8 @@ def _stretched(dots: MarkerImages) -> MarkerImages:
     return dots.changed(shell=replace(shell, pretension_over_E_mm=over_E_mm))
 
 
-def _seen_mm2_per_px(dots: MarkerImages, width_mm: float) -> float:
-    """`ForceNodes.seen_mm2_per_px`, by a press on a square patch of this width."""
+def _node_responses(dots: MarkerImages, width_mm: float) -> tuple[float, Scalars]:
+    """`ForceNodes.seen_mm2_per_px`, by a press on a square patch of this width, and `compliance_per_mm`."""
     shell, patch = dots.shell, dots.shell.patch
     offset_mm = 0.25 * width_mm * np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
     load = patch.load(np.array(patch.centre_mm) + offset_mm, np.tile([0.0, 0.0, 0.25], (4, 1)))
@@ -254,7 +266,8 @@ def _seen_mm2_per_px(dots: MarkerImages, width_mm: float) -> float:
     shell.forces_and_tangent(at_rest, force, tangent)
     moved = tangent_factor(shell, tangent).solve((load * patch.is_free).reshape(1, -1))[0].reshape(-1, 3)
     moved_px = np.einsum("mank,mnk->ma", dots.derivative_px(at_rest), moved[dots.tips.basis.node])
-    return 1.0 / max(float(np.linalg.norm(moved_px)), np.finfo(np.float64).tiny)
+    seen_mm2_per_px = 1.0 / max(float(np.linalg.norm(moved_px)), np.finfo(np.float64).tiny)
+    return seen_mm2_per_px, read_only(compliances_at_rest(shell, tangent))
 
 
 def _stiffening(shell: Shell) -> float:

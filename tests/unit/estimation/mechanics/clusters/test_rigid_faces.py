@@ -18,6 +18,7 @@ from synthetic_evidence import evidence_of
 
 NO_CONTACT = np.zeros((0, 2))
 NO_CLUSTERS = EarlierClusters.none()
+MIDDLE_MM = np.array([[0.0, -1.4]])
 FACES = RigidFaces()
 HALF_MM = 5.5  # from the middle of the face to each of two edges that press
 
@@ -206,7 +207,38 @@ def test_a_contact_that_comes_to_press_with_distant_ends_began_as_one() -> None:
 )
 def test_each_corner_of_a_face_is_flat_with_two_others(place_mm: list[list[float]], count: int) -> None:
     """Bodies that are near each other one by one may have depths on one plane by chance."""
-    found = joined(np.array(place_mm), [1.0] * 4, [0.01, 0.05, 0.01, 0.2])
+    found = joined(np.array(place_mm), [1.0] * 4, [0.01, 0.05, 0.01, 0.4])
+    assert len(found) == count
+
+
+@pytest.mark.parametrize(
+    ("place_mm", "force_mm2", "count"),
+    [
+        ([[8.0, 0.0], [30.0, 0.0]], [0.01, 0.06], 1),
+        ([[8.0, 0.0], [30.0, 0.0]], [0.01, 0.01], 2),
+        ([[-11.0, 0.0], [11.0, 0.0]], [0.01, 0.06], 2),
+        ([[8.0, -5.0], [8.0, 5.0], [30.0, 0.0]], [0.01, 0.01, 0.06], 1),
+    ],
+)
+def test_an_end_near_the_clamp_needs_more_force(
+    place_mm: list[list[float]], force_mm2: list[float], count: int
+) -> None:
+    """The sheet gives way seven times less 3 thicknesses from its outline than near its middle."""
+    assert len(joined(np.array(place_mm), [1.0] * len(place_mm), force_mm2)) == count
+
+
+@pytest.mark.parametrize(
+    ("depth_mm", "before_mm", "count"),
+    [
+        (0.91, MIDDLE_MM, 1),
+        (0.91, NO_CONTACT, 2),
+        (0.85, MIDDLE_MM, 2),
+    ],
+)
+def test_a_body_with_two_ends_may_tilt(depth_mm: float, before_mm: np.ndarray, count: int) -> None:
+    """Ends of different depths stay one contact, but do not become one."""
+    faces = RigidFaces(pair_rise_share=0.1)  # for a sheet with a step between its two depths
+    found = joined(row_mm(8.0, 2), [1.0, depth_mm], [0.01] * 2, before_mm, faces=faces)
     assert len(found) == count
 
 
