@@ -22,6 +22,7 @@ from manytouch.estimation.mechanics.clusters.friction_fits import Friction, Fric
 from manytouch.estimation.mechanics.clusters.local_deflection import local_deflection
 from manytouch.estimation.mechanics.clusters.model_order import ModelOrder
 from manytouch.estimation.mechanics.clusters.rigid_faces import RigidFaces
+from manytouch.estimation.mechanics.contact_pressures import with_contact_pressures
 from manytouch.estimation.mechanics.contact_rules import (
     ContactRules,
     is_far_from,
@@ -245,7 +246,7 @@ class MechanicsEstimator:
             after = replace(after, without_sheet=at_rest)
         if state.response is not earlier_response and status is Status.OK and contacts.touching:
             after = with_pretension(after, self.pretension, fit, clusters)
-        return after, surface, contacts
+        return after, with_contact_pressures(surface, model.nodes, clusters, contacts), contacts
 
     def _with_sheet(self, state: MechanicsState, sheet: Sheet) -> MechanicsState:
         """The state on an assumed sheet as presses have shown it, from rest."""
@@ -351,9 +352,8 @@ class MechanicsEstimator:
     ) -> tuple[MechanicsState, Contacts]:
         """Contacts with identities and slip, and the state that contains them."""
         model = state.model
-        own_mm2 = fit.shape.force_mm2
-        if clusters.is_face.any():
-            own_mm2 = np.where(np.append(clusters.is_face, False)[clusters.label][:, None], 0.0, own_mm2)
+        is_in_face = np.append(clusters.is_face, False)[clusters.label]
+        own_mm2 = np.where(is_in_face[:, None], 0.0, fit.shape.force_mm2)
         found = self.contact_estimator(
             model, clusters, fit, state.local, friction=friction, response=state.response
         )
