@@ -20,6 +20,7 @@ _MOST_GAIN, _MORE = 10.0, 0.1
 """By how much all further steps may reduce the misfit: over what the next one promises, and in addition over
 the misfit. The largest ratios to the former were 3.1 in fits of other profiles and 7.8 in those of new
 contacts, in 801 frames of 25 scenes; with errors far beyond those stated, steps gained 4 % unannounced."""
+_LEAST_PRESS = 0.1  # share of the normal force of a contact that a step leaves: a choice
 _LEAST_SHARE = 1e-6  # of the misfit by which a step reduces it, below which the iteration ends
 
 
@@ -261,7 +262,7 @@ def _slopes(theta: Float64[np.ndarray, " p"], count: int, problem: Problem, work
 def _limit(
     theta: Float64[np.ndarray, " p"], moved: Float64[np.ndarray, " p"], count: int, limits: Limits
 ) -> None:
-    """Keep contacts near the old ones, their moments above 0, their centres on the pad."""
+    """Keep contacts near the old ones, pressing, their moments above 0, their centres on the pad."""
     for number in range(count):
         old = theta[PARAMETER_COUNT * number : PARAMETER_COUNT * (number + 1)]
         new = moved[PARAMETER_COUNT * number : PARAMETER_COUNT * (number + 1)]
@@ -276,6 +277,8 @@ def _limit(
             )
         new[ROOT_YX] = min(max(new[ROOT_YX], -limits.most_y_mm), limits.most_y_mm)
         new[RADIAL_SHEAR] = min(max(new[RADIAL_SHEAR], -1.0), 1.0)
+        if old[FORCE] > 0.0:  # an object presses and does not pull
+            new[FORCE] = max(new[FORCE], _LEAST_PRESS * old[FORCE])
 
 
 @kernel()

@@ -164,6 +164,17 @@ def test_a_sudden_ring_is_one_contact() -> None:
             assert one.normal_force_over_E_mm2 == pytest.approx(true_mm2(case, number), rel=0.3)
 
 
+@pytest.mark.slow
+def test_a_sudden_ring_does_not_pull() -> None:
+    """Wider guesses from a contact that is too small ended as ones that pull, and were refused."""
+    (case,) = (each for each in pads("pads") if each.name == "ring")
+    start = ESTIMATE.start(with_usual_deviations(true_pad(case)))
+    for seed in (11, 31):
+        _, _, contacts = ESTIMATE.step(start, grid_of(case, 2, seed))
+        (one,) = contacts.touching
+        assert one.normal_force_over_E_mm2 == pytest.approx(true_mm2(case, 2), rel=0.3)
+
+
 def _seen_px(sensor: Sensor, markers: Deformation) -> np.ndarray:
     """(m, 2) images of the markers."""
     scene = SolidScene(name="press", time_s=np.array([0.0, 1.0]), states=(markers, markers), duration_s=1.0)

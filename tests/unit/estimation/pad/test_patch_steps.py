@@ -150,3 +150,19 @@ def test_a_fit_ends_early_only_where_it_cannot_reach_the_misfit_that_is_needed(p
     least = misfit(np.inf)
     assert misfit(1.001 * least) == least
     assert misfit(0.5 * least) > least
+
+
+@pytest.mark.parametrize("profile", list(Profile))
+def test_a_fit_that_begins_with_a_press_ends_with_a_press(pad_state: PadState, profile: Profile) -> None:
+    """From a rim that is too wide, the images of a pull with an inward shear are those that fit next."""
+    model, true = pad_state.model, TRUE.copy()
+    true[:6], true[6:] = (0.3, -0.2, 2.0, 0.0, 2.0, 5.0), 0.0
+    measured_px = np.zeros(2 * len(model.rest_px))
+    pad = PatchPad(model.grid, model.table, model.markers, model.by_sides)
+    add_image(true, int(profile), pad, measured_px)
+    guess = true.copy()
+    guess[[2, 4]] *= 4.0
+    patches = Patches(parameters=guess[None], profile=np.array([int(Profile.RIM)]))
+    weight = np.full(len(measured_px), 1e5)
+    fit = FITTER(model, patches, measured_px, weight, is_sheet_known=True, with_covariance=False)
+    assert fit.force_mm2[0] > 0.0
