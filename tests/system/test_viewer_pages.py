@@ -25,6 +25,17 @@ PIXEL = """([x, y]) => {
   const [left, top] = manytouch.pane.onScreen(x, y);
   return [...canvas.getContext('2d').getImageData(left - box.left, top - box.top, 1, 1).data];
 }"""
+DEPTH_AXIS = """(() => {
+  const { children } = manytouch.pane.axes.tower, isShown = ({ style }) => style.visibility !== 'hidden';
+  const labels = children.map(({ element }) => element).filter((element) => element && isShown(element));
+  const boxes = (found) => found.map((e) => e.getBoundingClientRect())
+    .map(({ left, top, right, bottom }) => [left, top, right, bottom]);
+  const points = children.find(({ geometry }) => geometry)?.geometry.attributes.position.count ?? 0;
+  return { ticks: points ? points / 2 - 1 : 0,
+    numbers: boxes(labels.filter(({ className }) => !className.includes('name'))),
+    names: boxes(labels.filter(({ className }) => className.includes('name'))),
+    colours: boxes([document.getElementById('scale')])[0] };
+})()"""
 NO_WEBGL = [*(flag for flag in FLAGS if "gl" not in flag), "--disable-3d-apis"]
 IN_TIME = "manytouch.state.count >= 1 && manytouch.state.sceneInfo && manytouch.state.paints > 0"
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
@@ -138,6 +149,60 @@ def test_labels_cover_neither_each_other_nor_the_colour_bar(
             )
             assert apart, (boxes[k], other)
     page.close()
+
+
+def is_apart(one: list[float], other: list[float]) -> bool:
+    """Whether two rectangles (left, top, right, bottom) do not overlap."""
+    return one[0] >= other[2] or other[0] >= one[2] or one[1] >= other[3] or other[1] >= one[3]
+
+
+@pytest.mark.parametrize("depth_mm", [0.0, 5.5])
+@pytest.mark.parametrize("size", [(360, 640), (400, 800), (560, 800), (1366, 768)])
+def test_the_depth_axis_has_a_number_at_each_tick_and_nothing_covers_it(
+    browser: Browser, shown: tuple[FakeSession, Viewer], size: tuple[int, int], depth_mm: float
+) -> None:
+    session, viewer = shown
+    session.now = replace(session.now, frame=10, frame_count=100)
+    reading = reading_of(1, depth_mm)
+    viewer.write(replace(reading, contacts=replace(reading.contacts, contacts=())))
+    page = opened_page(browser, viewer, size)
+    if page.evaluate("Boolean(manytouch.pane.isFlat)"):
+        pytest.skip("the map has no depth axis")
+    page.wait_for_selector("#timeline:not([hidden])")
+    page.click("#home")
+    wait_for_paint(page)
+    axis = page.evaluate(DEPTH_AXIS)
+    left, top = page.evaluate("manytouch.pane.onScreen(manytouch.pane.x[0], manytouch.pane.y[0])")
+    page.close()
+    assert len(axis["numbers"]) == axis["ticks"] >= 1
+    assert len(axis["names"]) == 1, "the name of the axis has the unit"
+    assert all(is_apart(box, axis["colours"]) for box in (*axis["numbers"], *axis["names"]))
+    assert is_apart([left, top, left + 1, top + 1], axis["colours"]), "the corner of the sheet is seen"
+    assert min(top - box[3] for box in axis["numbers"]) > 0, "the lowest number is above the sheet"
+
+
+def test_a_depth_axis_that_is_seen_from_its_end_or_behind_the_sheet_is_not_drawn(
+    browser: Browser, shown: tuple[FakeSession, Viewer]
+) -> None:
+    page = opened_page(browser, shown[1])
+    if page.evaluate("Boolean(manytouch.pane.isFlat)"):
+        pytest.skip("the map has no depth axis")
+    assert page.evaluate(DEPTH_AXIS)["ticks"]
+    page.click("#side")
+    wait_for_paint(page)
+    assert not page.evaluate(DEPTH_AXIS)["ticks"]
+    page.click("#side")
+    wait_for_paint(page)
+    assert page.evaluate(DEPTH_AXIS)["ticks"]
+    page.evaluate(
+        """(({ camera, controls, axes }) => {
+        camera.position.set(axes.low[0] + 0.1, camera.position.length(), axes.low[1] + 0.1);
+        controls.target.set(axes.low[0], 0, axes.low[1]); controls.update(); })(manytouch.pane)"""
+    )
+    wait_for_paint(page)
+    axis = page.evaluate(DEPTH_AXIS)
+    page.close()
+    assert (axis["ticks"], axis["numbers"], axis["names"]) == (0, [], [])
 
 
 @pytest.mark.parametrize("size", [(1280, 800), pytest.param((390, 844), marks=pytest.mark.slow)])

@@ -2,13 +2,27 @@
 
 import { CSS2DObject, THREE } from "./three.js";
 import { styled } from "./colours.js";
-import { fixed, niceStep } from "./numbers.js";
+import { fixed, niceCeiling, niceStep } from "./numbers.js";
 
 export function label(text, kind) {
   const element = document.createElement("div");
   element.className = kind;
   element.textContent = text;
   return new CSS2DObject(element);
+}
+
+/** Pixels from one number of the depth axis to the next, of its shortest length, and of that from which on it has more than one. */
+const NUMBER_PX = 18, SHORTEST_PX = 24, SEVERAL_PX = 40;
+
+/**
+ * Top and step of the depth axis, where a unit of depth takes `unit_px` on the screen: up to the deepest place with up to three
+ * numbers; where this is too short for them, up to the first round number that has room, if it is not above `highest`.
+ */
+export function depthScale(deepest, unit_px, highest) {
+  const top = niceCeiling(deepest), long_px = top * unit_px;
+  if (long_px >= SEVERAL_PX) return { top, step: niceStep(top, Math.min(3, Math.floor(long_px / NUMBER_PX))) };
+  const only = niceCeiling(Math.max(deepest, SHORTEST_PX / unit_px));
+  return only <= highest ? { top: only, step: only } : { top: 0, step: 0 };
 }
 
 export class Axes {
@@ -48,17 +62,18 @@ export class Axes {
     return step;
   }
 
-  /** The depth axis at the far left corner, up to `most`. */
-  setHeight(most, stretch) {
-    if (!this.tower || this.drawn === `${most} ${stretch}`) return;
-    this.drawn = `${most} ${stretch}`;
+  /** The depth axis at the far left corner, up to `top` with a number every `step`; without a `top` there is none. */
+  setHeight(top, step, stretch) {
+    if (!this.tower || this.drawn === `${top} ${step} ${stretch}`) return;
+    this.drawn = `${top} ${step} ${stretch}`;
     this.clear(this.tower);
+    if (!top) return;
     const [x, y] = this.low, reach = Math.hypot(this.high[0] - x, this.high[1] - y), tick = 0.014 * reach;
-    const points = [x, 0, y, x, most * stretch, y], step = niceStep(most, 3);
+    const points = [x, 0, y, x, top * stretch, y], digits = `${Number(step.toPrecision(2))}`.split(".")[1]?.length ?? 0;
     const addLabel = (text, kind, up, left) => { const found = label(text, kind); found.center.set(1, 0.5); found.position.set(x - left, up, y); this.tower.add(found); };
-    for (let at = step; at <= most * 1.0001; at += step) { points.push(x, at * stretch, y, x - tick, at * stretch, y); addLabel(fixed(at, step < 0.1 ? 2 : step < 1 ? 1 : 0), "axis", at * stretch, 1.5 * tick); }
+    for (let at = step; at <= top * 1.0001; at += step) { points.push(x, at * stretch, y, x - tick, at * stretch, y); addLabel(fixed(at, digits), "axis depth", at * stretch, 1.5 * tick); }
     const name = label(`depth (${this.unit})`, "axis name");
-    name.center.set(0.15, 1.2); name.position.set(x, most * stretch, y); this.tower.add(name);
+    name.center.set(0, 1.2); name.position.set(x, top * stretch, y); this.tower.add(name); // right of the numbers
     this.tower.add(this.lines(points));
   }
 

@@ -2,11 +2,11 @@
 
 import { contactColour, styled, table } from "./colours.js";
 import { fixed, force, isKnown, length, niceStep, units, withStd } from "./numbers.js";
-import { freePlace } from "./label_places.js";
+import { NARROW_PX, freePlace } from "./label_places.js";
 import { sized } from "./plot.js";
 
-/** Room around the map: the colours are at its left, in a narrow pane above it. */
-const margins = (width) => (width < 520 ? { left: 22, right: 40, above: 210, below: 84 } : { left: 104, right: 40, above: 52, below: 84 });
+/** Room around the map: the colours are at its left, in a narrow pane above it, below the tools for pressing. */
+const margins = (width, isPress) => (width < NARROW_PX ? { left: 22, right: 40, above: isPress ? 224 : 140, below: 84 } : { left: 104, right: 40, above: 52, below: 84 });
 
 /** Takes the place of `SurfacePane`: the same methods, on a canvas in two dimensions. */
 export class FlatPane {
@@ -50,7 +50,7 @@ export class FlatPane {
   frame() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     const wide = this.x.at(-1) - this.x[0], high = this.y.at(-1) - this.y[0];
-    const { left, right, above, below } = margins(width), across = width - left - right, down = height - above - below;
+    const { left, right, above, below } = margins(width, this.stage.classList.contains("press")), across = width - left - right, down = height - above - below;
     const scale = Math.max(Math.min(across / wide, down / high), 1e-6);
     return { scale, left: left + (across - scale * wide) / 2, top: above + (down - scale * high) / 2, wide, high };
   }
@@ -126,7 +126,7 @@ export class FlatMarks {
   }
 
   draw(context) {
-    const { pane } = this, taken = [[0, 0, 84, 190]];
+    const { pane } = this, { clientWidth } = pane.canvas, taken = [clientWidth < NARROW_PX ? [0, 0, clientWidth, 70] : [0, 0, 104, 190]];
     const polygon = (corners) => {
       context.beginPath();
       corners.forEach(([x, y]) => context.lineTo(...pane.toCanvas(x, y)));

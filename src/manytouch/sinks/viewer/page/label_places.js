@@ -1,6 +1,8 @@
 // Places of labels that do not cover each other, nor what else is in the pane. Rectangles: [left, top, width, height].
 
 const GAP = 3;
+/** Width of the pane of the surface below which the colours are above the surface; style.css has it too. */
+export const NARROW_PX = 520;
 
 export function overlaps([a, b, w, h], [c, d, v, g]) {
   return a < c + v + GAP && c < a + w + GAP && b < d + g + GAP && d < b + h + GAP;
@@ -50,6 +52,7 @@ export function separate(container, tags, axes, obstacles) {
   const taken = obstacles.filter((element) => element.offsetParent !== null).map(rectangle);
   const names = axes.filter((element) => element.style.display !== "none");
   for (const element of names.filter(({ className }) => className.includes("name"))) taken.push(moveInside(element, rectangle, box));
+  taken.push(...names.filter(({ className }) => className.includes("depth")).map(rectangle)); // tags leave room for them
   for (const element of tags) element.style.margin = "0";
   const wanted = tags.filter((element) => element.style.display !== "none").map((element) => [element, rectangle(element)]);
   wanted.sort((a, b) => a[1][1] - b[1][1]);
@@ -62,8 +65,8 @@ export function separate(container, tags, axes, obstacles) {
   }
   const shown = [];
   for (const element of names) {
-    const place = rectangle(element), isName = element.className.includes("name");
-    const others = isName ? taken.filter((other) => Math.abs(other[0] - place[0]) > 0.5 || Math.abs(other[1] - place[1]) > 0.5) : [...taken, ...shown];
+    const place = rectangle(element), isTaken = /name|depth/.test(element.className);
+    const others = isTaken ? taken.filter((other) => Math.abs(other[0] - place[0]) > 0.5 || Math.abs(other[1] - place[1]) > 0.5) : [...taken, ...shown];
     const isCovered = others.some((other) => overlaps(place, other));
     element.style.visibility = isCovered ? "hidden" : "";
     if (!isCovered) shown.push(place);

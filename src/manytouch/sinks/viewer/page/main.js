@@ -201,7 +201,7 @@ function drawScale(map, low, high, step, title, convert) {
   const digits = Math.max(0, -Math.floor(Math.log10(convert(step)) + 1e-9));
   for (let at = Math.ceil(low / step) * step; at <= high * 1.0001; at += step) {
     const tick = document.createElement("span");
-    tick.style.top = `${(100 * (high - at)) / (high - low)}%`;
+    tick.style.setProperty("--share", (at - low) / (high - low));
     tick.textContent = fixed(convert(at), digits);
     ticks.push(tick);
   }

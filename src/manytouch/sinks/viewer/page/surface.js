@@ -3,9 +3,8 @@
 
 import { CSS2DRenderer, OrbitControls, THREE } from "./three.js";
 import { styled, table } from "./colours.js";
-import { niceCeiling } from "./numbers.js";
-import { Axes } from "./axes.js";
-import { separate } from "./label_places.js";
+import { Axes, depthScale } from "./axes.js";
+import { NARROW_PX, overlaps, separate } from "./label_places.js";
 
 const VERTEX = `
   attribute float value; attribute float known;
@@ -41,7 +40,9 @@ function isSoftware() {
   return /swiftshader|llvmpipe|software|basic render/i.test(name);
 }
 
-const LEGEND_PX = 80; // at the left, for the colours
+/** Room at the left for the colours and the numbers of the depth axis; in a narrow pane the colours are above the surface. */
+const LEFT_PX = 156, ABOVE_PX = 92;
+const TALLEST = 0.16; // of the reach of the sheet: height above it that the view has room for
 
 export class SurfacePane {
   constructor(stage) {
@@ -121,7 +122,6 @@ export class SurfacePane {
     uniforms.low.value = low; uniforms.high.value = high; uniforms.contour.value = contour;
     this.deepest = Math.max(0.9, 0.995 * (this.deepest ?? 0));
     for (let at = 0; at < depth.length; at++) if (depth[at] > this.deepest) this.deepest = depth[at];
-    this.axes.setHeight(niceCeiling(this.deepest), this.stretch);
     this.isDirty = true;
   }
 
@@ -168,10 +168,12 @@ export class SurfacePane {
   extent() {
     this.scene.updateMatrixWorld(); this.camera.updateMatrixWorld();
     const [x0, x1, y0, y1] = [this.x[0], this.x[this.x.length - 1], this.y[0], this.y[this.y.length - 1]];
+    const { clientWidth: width, clientHeight: height } = this.stage, isNarrow = width < NARROW_PX;
+    const left = isNarrow ? 0.86 : Math.min(1 - (2 * LEFT_PX) / width, 0.86), above = isNarrow ? Math.min(1 - (2 * ABOVE_PX) / height, 0.84) : 0.84;
     let most = 0;
-    for (const x of [x0, x1]) for (const y of [y0, y1]) for (const up of [0, 0.16 * this.reach]) {
+    for (const x of [x0, x1]) for (const y of [y0, y1]) for (const up of [0, TALLEST * this.reach]) {
       const seen = this.sheet.localToWorld(new THREE.Vector3(x, up, y)).project(this.camera);
-      most = Math.max(most, Math.abs(seen.x) / 0.86, seen.y / 0.84, -seen.y / 0.74);
+      most = Math.max(most, seen.x / 0.86, -seen.x / left, seen.y / above, -seen.y / 0.74);
     }
     return most;
   }
@@ -184,7 +186,8 @@ export class SurfacePane {
     const { clientWidth: width, clientHeight: height } = this.stage;
     if (!width || !height) return;
     this.camera.aspect = width / height;
-    this.camera.setViewOffset(width, height, width > 6 * LEGEND_PX ? -LEGEND_PX / 2 : 0, 0, width, height);
+    const [right, down] = width < NARROW_PX ? [0, 24] : [40, 0]; // away from the colours
+    this.camera.setViewOffset(width, height, -right, -down, width, height);
     this.camera.updateProjectionMatrix();
     this.renderer.setSize(width, height);
     this.labels.setSize(width, height);
@@ -228,9 +231,25 @@ export class SurfacePane {
     return [box.left + ((seen.x + 1) / 2) * box.width, box.top + ((1 - seen.y) / 2) * box.height];
   }
 
+  /** Fit the depth axis to its length on the screen; there is none behind the sheet, nor where the colours or the tools are. */
+  fitDepthAxis() {
+    if (!this.depth) return;
+    this.scene.updateMatrixWorld(); this.camera.updateMatrixWorld();
+    const { clientWidth: width, clientHeight: height } = this.stage;
+    const seen = (up) => { const at = this.sheet.localToWorld(new THREE.Vector3(this.x[0], up, this.y[0])).project(this.camera); return [((at.x + 1) / 2) * width, ((1 - at.y) / 2) * height]; };
+    const tallest = TALLEST * this.reach, [x0, y0] = seen(0), [x1, y1] = seen(tallest);
+    const { top, step } = depthScale(this.deepest, (Math.hypot(x1 - x0, y1 - y0) * this.stretch) / tallest, tallest / this.stretch);
+    const [x, y] = seen(top * this.stretch), box = this.stage.getBoundingClientRect();
+    const axis = [Math.min(x, x0) - 36, Math.min(y, y0) - 20, Math.abs(x - x0) + 40, Math.abs(y - y0) + 20];
+    const isCovered = [...this.stage.querySelectorAll(".scale, .press-tools")].map((element) => element.getBoundingClientRect())
+      .some((other) => overlaps(axis, [other.left - box.left, other.top - box.top, other.width, other.height]));
+    this.axes.setHeight(isCovered || this.side < 0 ? 0 : top, step, this.stretch);
+  }
+
   render() {
     if (!this.isDirty) return false;
     this.isDirty = false;
+    this.fitDepthAxis();
     this.renderer.render(this.scene, this.camera);
     this.labels.render(this.scene, this.camera);
     const of = (name) => [...this.labels.domElement.getElementsByClassName(name)];
