@@ -416,6 +416,32 @@ def test_settings_show_a_few_parameters_with_help_unit_and_reset(
     assert session.commands == [Tune(parameter=name, value=5.0), Tune(parameter=name, value=4.0)]
 
 
+@pytest.mark.parametrize("has_modulus", [True, False])
+def test_before_the_first_contact_a_plot_of_forces_is_there_if_the_modulus_is_known(
+    browser: Browser, has_modulus: bool
+) -> None:
+    session = FakeSession()
+    sheet = session.sensor.sheet
+    assert sheet is not None
+    if not has_modulus:
+        session.sensor = replace(session.sensor, sheet=replace(sheet, young_MPa=None))
+    viewer = Viewer(session)
+    reading = pressed()
+    viewer.write(replace(reading, contacts=replace(reading.contacts, contacts=())))
+    page = opened_page(browser, viewer)
+    wait(page, "drawn['depth-plot']?.some(([text]) => text === 'no contact yet')")
+    assert page.is_visible("#force-plot") == has_modulus
+    plot_px, pane_px = page.evaluate(
+        "['#depth-plot', '.plots'].map((name) => document.querySelector(name).clientHeight)"
+    )
+    assert (plot_px > 0.9 * pane_px) != has_modulus, "one plot takes the whole pane"
+    for force_N in (np.nan, 1.5):  # contacts decide, once there are some
+        show(page, viewer, pressed(1, force_N=np.array([np.nan, np.nan, -force_N])))
+        wait(page, f"document.getElementById('force-plot').hidden === {str(np.isnan(force_N)).lower()}")
+    page.close()
+    viewer.close()
+
+
 def test_a_page_that_is_opened_later_shows_the_last_seconds(browser: Browser) -> None:
     viewer = Viewer(FakeSession())
     for index in range(40):

@@ -107,6 +107,7 @@ class UpdateEncoder:
             "rest_px": [[number(x, 2), number(y, 2)] for x, y in self._rest_px],
             "rest_mm": [[number(x), number(y)] for x, y, _ in self.layout.rest_mm],
             "size_mm": None if sheet is None else [float(side) for side in sheet.size_mm],
+            "has_newtons": sheet is not None and sheet.young_MPa is not None and self.sensor.scale_is_known,
             "assumptions": list(self.sensor.assumptions),
         }
 

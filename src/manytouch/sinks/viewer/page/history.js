@@ -61,8 +61,11 @@ class Ring {
 
 export class History {
   constructor(depthCanvas, forceCanvas) {
-    Object.assign(this, { depthCanvas, forceCanvas, rings: new Map(), now: -Infinity, log: new Log(), pinned: null });
+    Object.assign(this, { depthCanvas, forceCanvas, rings: new Map(), now: -Infinity, log: new Log(), pinned: null, expectsForce: true });
   }
+
+  /** Take a sensor: before its first contact there is a plot of forces if its modulus is known. */
+  take({ has_newtons }) { this.expectsForce = has_newtons; }
 
   /** Take an update; one that repeats a reading, for another layer or measurement, adds nothing. */
   add({ time_s, contacts, comparison }) {
@@ -121,11 +124,9 @@ export class History {
     const marks = isPlayback && Number.isFinite(this.now) ? [{ x: now, text: "" }] : [];
     const all = [...this.rings].filter(([key]) => showComparison || !key.startsWith("comparison"))
       .filter(([key]) => this.pinned === null || key === String(this.pinned));
-    const hasForce = all.some(([, ring]) => ring.hasForce);
-    if (all.length) {
-      this.forceCanvas.hidden = !hasForce;
-      this.forceCanvas.parentElement.classList.toggle("single", !hasForce);
-    }
+    if (all.length) this.expectsForce = all.some(([, ring]) => ring.hasForce);
+    this.forceCanvas.hidden = !this.expectsForce;
+    this.forceCanvas.parentElement.classList.toggle("single", !this.expectsForce);
     for (const [canvas, name, title, unit, convert] of [
       [this.depthCanvas, "depth", "depth", units.length, inLength],
       [this.forceCanvas, "force", "normal force", units.force, inForce],

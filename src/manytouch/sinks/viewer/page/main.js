@@ -65,6 +65,7 @@ function onUpdate(update) {
 
 function setSceneInfo(sceneInfo) {
   state.sceneInfo = camera.sceneInfo = sceneInfo;
+  history.take(sceneInfo);
   if (!lengthUnits(sceneInfo.unit).includes(units.length)) units.length = sceneInfo.unit;
   find("sensor").textContent = sceneInfo.sensor;
   const [wide, high] = sceneInfo.image_px;
