@@ -38,6 +38,7 @@ def test_tiles_show_the_viewers_that_allow_it(browser: Browser, tmp_path: Path) 
         viewer.write(reading_of(0))
         state.viewer = viewer.url
     states["thumb"].restarts = 3
+    states["index"].sensor_name = "<b>demo sheet</b>"
     page = browser.new_page()
     page.goto(rig_page.url)
     page.frame_locator("iframe[title='viewer of index']").locator("#contacts tbody").wait_for()
@@ -46,6 +47,13 @@ def test_tiles_show_the_viewers_that_allow_it(browser: Browser, tmp_path: Path) 
         "[...document.querySelectorAll('#sensors tr')].map(row => [...row.cells].map(one => one.textContent))"
     )
     assert page.frame_locator("iframe[title='viewer of thumb']").locator("#contacts").count() == 0
+    titles = page.locator("#tiles section:has(iframe) h2")
+    assert titles.all_inner_texts() == ["index <b>demo sheet</b>", "thumb"]
+    assert titles.first.is_visible()
+    name_px, sensor_px = page.evaluate(
+        "['h2', 'h2 small'].map((one) => parseFloat(getComputedStyle(document.querySelector(one)).fontSize))"
+    )
+    assert sensor_px < name_px
     page.set_viewport_size({"width": 390, "height": 844})
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     assert page.locator("meta[name=viewport]").count() == 1

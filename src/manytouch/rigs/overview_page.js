@@ -1,4 +1,4 @@
-// Table and tiles of the sensors of a rig; a tile is the viewer of a sensor, loaded again only when it has restarted.
+// Table and tiles of the sensors of a rig; a tile is the viewer of a sensor below its name in the rig, loaded again only when it has restarted.
 "use strict";
 
 const table = document.getElementById("sensors");
@@ -33,11 +33,16 @@ function tile(sensor) {
     frame = document.createElement("iframe");
     frame.title = `viewer of ${sensor.name}`;
     frames.set(sensor.name, frame);
-    tiles.append(frame);
+    const made = document.createElement("section");
+    made.append(document.createElement("h2"), frame);
+    tiles.append(made);
   }
-  const wanted = sensor.viewer || "about:blank";
+  const wanted = sensor.viewer || "about:blank", whole = frame.parentElement;
   if (frame.getAttribute("src") !== wanted) frame.setAttribute("src", wanted);
-  frame.hidden = !sensor.viewer;
+  whole.hidden = !sensor.viewer;
+  const small = document.createElement("small");
+  small.textContent = sensor.sensor_name ?? "";
+  whole.firstElementChild.replaceChildren(sensor.name, " ", small);
 }
 
 async function update() {

@@ -123,6 +123,7 @@ def sensor_rows(states: Mapping[str, SensorState]) -> list[dict[str, object]]:
             "dropped": state.dropped + state.health.dropped,
             "restarts": state.restarts,
             "viewer": state.viewer,
+            "sensor_name": state.sensor_name,
         }
         for name, state in states.items()
     ]

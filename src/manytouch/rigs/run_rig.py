@@ -42,6 +42,7 @@ class SensorState:
         frames, dropped: counts of its earlier processes.
         restarts: how often its process was started again.
         viewer: address of its viewer.
+        sensor_name: of the sensor file, or of what takes its place; None until the viewer is there.
         parts: its recordings, one per process.
         is_over: its source has ended, or it failed for good.
         failure: the last sentence of a failure.
@@ -62,6 +63,7 @@ class SensorState:
     restarts: int = 0
     failures: int = 0
     viewer: str | None = None
+    sensor_name: str | None = None
     parts: list[Path] = field(default_factory=list)
     is_over: bool = False
     failure: str | None = None
@@ -217,6 +219,7 @@ def _take(state: SensorState, message: Any, observer: RigObserver, rows: Any, st
             state.failures = 0
     elif isinstance(message, NoteMessage):
         state.viewer = message.viewer or state.viewer
+        state.sensor_name = message.sensor_name or state.sensor_name
         state.failure = message.sentence if message.is_failure else state.failure
         state.has_no_outputs = message.is_of_outputs and not state.frames
         if not state.has_no_outputs:  # else it is the error that ends the rig

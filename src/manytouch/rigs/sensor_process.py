@@ -56,12 +56,14 @@ class NoteMessage:
     Attributes:
         sentence: of the process.
         viewer: address of its viewer.
+        sensor_name: of its sensor, if there is a viewer.
         is_failure: the process ends for this reason.
         is_of_outputs: the reason is an output that cannot be opened, as no other attempt would.
     """
 
     sentence: str
     viewer: str | None = None
+    sensor_name: str | None = None
     is_failure: bool = False
     is_of_outputs: bool = False
 
@@ -223,7 +225,10 @@ def _run(
         from manytouch.sinks.viewer import UPDATE_INTERVAL_S, Viewer
 
         viewer = Viewer(live, host=options.viewer_host, embedded_in=options.page_origin)
-        connection.send(NoteMessage(sentence=f"viewer at {viewer.url}", viewer=viewer.url))
+        note = NoteMessage(
+            sentence=f"viewer at {viewer.url}", viewer=viewer.url, sensor_name=live.sensor.name
+        )
+        connection.send(note)
         sinks.append(LatestOnly(viewer, interval_s=UPDATE_INTERVAL_S))
     connection.send(replace(health(), source_state="compiling"))
     if options.out is None:
