@@ -296,6 +296,47 @@ def test_a_mistake_is_named(written: Path, old: str, new: str, message: str) -> 
     assert "\n" not in str(refusal.value)
 
 
+IN_A_ROW = [[4.0 * number, 2.0] for number in range(-14, 15)]
+
+
+@pytest.mark.parametrize(
+    ("new", "found"),
+    [
+        ("rows = 1\ncolumns = 30\npitch_mm = 4.0", "rows = 1, columns = 30, 30 markers"),
+        ("rows = 20\ncolumns = 1\npitch_mm = 4.0", "rows = 20, columns = 1, 20 markers"),
+        (
+            "rows = 2\ncolumns = 5\npitch_mm = 4.0\nmissing = [[0, 0], [0, 1], [0, 2], [0, 3], [0, 4]]",
+            "rows = 2, columns = 5, 10 markers",
+        ),
+        (f"rest_mm = {IN_A_ROW}", "markers: 29 markers"),
+        (f"rest_mm = {[[x * 0.6, x * 0.2 + 0.01 * y] for x, y in IN_A_ROW]}", "markers: 29 markers"),
+    ],
+)
+def test_markers_on_one_line_are_refused(written: Path, new: str, found: str) -> None:
+    written.write_text(of_markers(new))
+    with pytest.raises(SensorError, match=f"{found} on one line determine no pose of the camera: at least 2"):
+        load_sensor(written)
+
+
+@pytest.mark.parametrize(
+    "new",
+    [
+        "rows = 2\ncolumns = 30\npitch_mm = 4.0",
+        "rows = 2\ncolumns = 2\npitch_mm = 4.0\nmissing = [[0, 0]]",
+        f"rest_mm = {[*IN_A_ROW, [0.0, 6.0]]}",
+    ],
+)
+def test_markers_to_both_sides_of_any_line_are_read(written: Path, new: str) -> None:
+    written.write_text(of_markers(new))
+    assert load_sensor(written).layout is not None
+
+
+def of_markers(new: str) -> str:
+    """The file with other rows, columns, pitch and missing markers."""
+    before, after = TEXT.split("rows = 20")
+    return f"{before}{new}\n{after[after.index('radius_mm') :].replace('missing = [[3, 29]]', '')}"
+
+
 def test_all_mistakes_are_named_at_once(written: Path) -> None:
     written.write_text(
         TEXT.replace("columns", "colums").replace("[noise]", "[nois]").replace("3.0]", "-3.0]")

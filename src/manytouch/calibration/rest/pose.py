@@ -98,11 +98,21 @@ def adapt_pose(camera: Camera, rest_mm: np.ndarray, place_px: Points2) -> Camera
         is_stated = 1.0 / np.maximum(np.square(free), 1.0)
         covariance = np.linalg.inv(slope.T @ slope / variance_px2 + np.diag(is_stated))
         fitted = _posed(camera, first + std * (covariance @ (slope.T @ aim_px)) / variance_px2)
+    rotation = _nearest_turn(fitted.rotation_vector, camera.rotation_vector)
+    fitted = _posed(camera, np.append(rotation, fitted.translation_mm))
     by_lens = np.minimum(pose_std_by_lens(fitted, rest_mm), std)
     rotation_std, translation_std_mm = np.split(np.hypot(std * np.sqrt(np.diag(covariance)), by_lens), 2)
     return replace(
         fitted, rotation_vector_std=read_only(rotation_std), translation_std_mm=read_only(translation_std_mm)
     )
+
+
+def _nearest_turn(rotation_vector: np.ndarray, stated: np.ndarray) -> np.ndarray:
+    """The vector of the same rotation that is nearest to the stated one: without whole revolutions."""
+    angle = float(np.linalg.norm(rotation_vector))
+    axis = rotation_vector / max(angle, np.finfo(np.float64).tiny)
+    revolutions = np.round((stated @ axis - angle) / (2.0 * np.pi))
+    return np.asarray(rotation_vector + 2.0 * np.pi * revolutions * axis)
 
 
 def _seen(camera: Camera, sheet: Sheet | None, rest_mm: np.ndarray) -> Points2:

@@ -10,6 +10,7 @@ from scipy.spatial import KDTree
 
 from manytouch.limits import MAX_MARKERS, sheet_mistake, size_mistake
 from manytouch.values.sensor import Boundary
+from manytouch.values.sensor_file.one_line import are_on_line
 from manytouch.values.sensor_file.sections import (
     ONE_OR_LIST,
     Count,
@@ -193,6 +194,12 @@ class MarkersSection(Section):
             yield from self._mistakes_of_places()
         if self.rest_mm is not None and len(self.rest_mm) < 4:
             yield f"rest_mm needs at least 4 markers, found {len(self.rest_mm)}"
+        elif not {"missing", "offset_mm", *_PLACES} & set(wrong) and self.has_positions and self._is_on_line:
+            table = f"rows = {self.rows}, columns = {self.columns}, " if self.rest_mm is None else ""
+            yield (
+                f"{table}{self.count} markers on one line determine no pose of the camera: at least 2 rows "
+                "and 2 columns, or rest_mm in two directions, are expected; state all markers of the sheet"
+            )
         if not {"radius_mm", "offset_mm", *_PLACES} & set(wrong):
             yield from self._mistakes_of_radius()
 
@@ -244,6 +251,13 @@ class MarkersSection(Section):
         rows, columns = np.divmod(np.arange(self.count), self.columns or 1)
         step = np.column_stack([columns - columns.max() / 2, rows - rows.max() / 2])
         return np.asarray(step * np.asarray(self.pitch_mm) + self.offset_mm)
+
+    @property
+    def _is_on_line(self) -> bool:
+        """Whether those that are not missing lie on one line."""
+        absent = [row * (self.columns or 0) + column for row, column in self.missing]
+        there = self.rest_xy_mm[~np.isin(np.arange(self.count), absent)]
+        return are_on_line(there, self.min_distance_mm)
 
     @property
     def min_distance_mm(self) -> float:

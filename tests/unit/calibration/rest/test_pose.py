@@ -128,6 +128,14 @@ def test_a_stated_pose_is_adapted_to_the_markers_at_rest(off_deg):
     assert found.rotation_vector_std.max() < np.deg2rad(0.1)
 
 
+def test_markers_on_one_line_turn_the_camera_by_no_revolutions():
+    camera, rest_mm, place_px = stated_pose(2.0)
+    on_line = rest_mm[:, 1] == rest_mm[0, 1]
+    print_px = np.random.default_rng(3).normal(0.0, 30.0, (int(on_line.sum()), 2))
+    found = adapt_pose(camera, rest_mm[on_line], place_px[on_line] + print_px)
+    assert np.linalg.norm(found.rotation_vector - camera.rotation_vector) < 2.0 * np.pi
+
+
 def test_the_markers_count_less_where_they_do_not_fit_the_sheet():
     camera, rest_mm, place_px = stated_pose(0.2)
     sag_mm = np.prod(np.cos(np.pi * rest_mm[:, :2] / [130.0, 90.0]), axis=1) * rest_mm[:, 0] / 60.0
