@@ -14,7 +14,7 @@ from manytouch.errors import MissingExtraError, SourceError
 from manytouch.limits import MAX_FRAME_INDEX, MAX_FRAME_TIME_NS
 from manytouch.recording import CAMERA, READING, SESSION
 from manytouch.recording.messages import decode_reading, decode_session
-from manytouch.recording.records import ChunkLocation, MessageLocation, read_chunk, scan
+from manytouch.recording.records import ChunkLocation, MessageLocation, opened, read_chunk, scan
 from manytouch.values import (
     Contacts,
     Detections,
@@ -73,8 +73,9 @@ class Recording:
             sensor: which sensor of the recording of a rig.
 
         Raises:
-            SourceError: the sensor is not in it, or none is given for a rig; it is not
-                an MCAP file, no session or no frame in it is whole, or the number of a frame is too large.
+            SourceError: the sensor is not in it, or none is given for a rig; it is not an MCAP
+                file or cannot be read, no session or no frame in it is whole, or the number of a frame is too
+                large.
             MissingExtraError: the packages for recordings are not installed.
         """
         try:
@@ -216,7 +217,7 @@ class Recording:
         chunk, data = self._cached
         if chunk != location.chunk:
             begin = location.chunk.begin
-            with self.path.open("rb") as file:
+            with opened(self.path) as file:
                 file.seek(begin)
                 content = file.read(location.chunk.end - begin)
             data = read_chunk(content, ChunkLocation(0, len(content)))

@@ -9,8 +9,10 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import BinaryIO
 
 from manytouch.errors import SourceError
 from manytouch.limits import MAX_MESSAGE_BYTES
@@ -95,11 +97,10 @@ def scan(path: Path) -> Scan:
     """Check a whole file.
 
     Raises:
-        SourceError: it is not an MCAP file.
-        OSError: it cannot be read.
+        SourceError: it is not an MCAP file, or it cannot be read.
     """
     found = Scan()
-    with path.open("rb") as file:
+    with opened(path) as file:
         if file.read(len(MAGIC)) != MAGIC:
             raise SourceError(
                 f"{str(path)!r} is not an MCAP file: give a recording of manytouch run --record"
@@ -119,6 +120,22 @@ def scan(path: Path) -> Scan:
     if not found.is_complete and found.damaged and found.damaged[-1][1] == size:
         found.damaged.pop()  # a message that was not written to its end
     return found
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[BinaryIO]:
+    """The file, to be read.
+
+    Raises:
+        SourceError: instead of any OSError inside.
+    """
+    try:
+        with path.open("rb") as file:
+            yield file
+    except OSError as error:
+        raise SourceError(
+            f"{str(path)!r} cannot be read: {error.strerror or error}; give a file that can be read"
+        ) from error
 
 
 def read_chunk(content: bytes | mmap.mmap, location: ChunkLocation) -> bytes:
@@ -151,8 +168,9 @@ def message_data(path: Path, place: MessageLocation) -> bytes:
 
     Raises:
         ValueError: the file has changed.
+        SourceError: it cannot be read.
     """
-    with path.open("rb") as file:
+    with opened(path) as file:
         file.seek(place.chunk.begin)
         content = file.read(place.chunk.end - place.chunk.begin)
     found = read_chunk(content, ChunkLocation(0, len(content)))

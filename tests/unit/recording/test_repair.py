@@ -193,6 +193,33 @@ def test_repair_refuses_a_file_of_which_nothing_is_whole(tmp_path: Path) -> None
     assert [path.name for path in tmp_path.iterdir()] == ["x.mcap"]
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("recording", "check", "{file}"),
+        ("recording", "repair", "{file}", "--out", "{folder}/y.mcap"),
+        ("view", "{file}"),
+        ("run", "{file}", "--no-view"),
+        ("export", "{file}", "--parquet", "{folder}/tables"),
+    ],
+)
+def test_a_recording_that_may_not_be_read_is_refused_in_one_sentence(
+    made: tuple[Path, list[Reading], Sensor], tmp_path: Path, monkeypatch, words: tuple[str, ...]
+) -> None:
+    as_it_is = Path.open
+
+    def refuse(self: Path, *args, **named):
+        if self == made[0]:
+            raise PermissionError(13, "Permission denied", str(self))
+        return as_it_is(self, *args, **named)
+
+    monkeypatch.setattr(Path, "open", refuse)
+    done = run_command(*(word.format(file=made[0], folder=tmp_path) for word in words))
+    assert done.returncode == 1
+    sentence = f"{str(made[0])!r} cannot be read: Permission denied; give a file that can be read"
+    assert done.stderr == f"manytouch: {sentence}\n"
+
+
 def old_recording(path: Path, readings: list[Reading], sensor: Sensor) -> None:
     """A recording as version 0.1 wrote it: JSON with arrays in base64, no compression, chunks of 16 kB."""
     from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage

@@ -11,6 +11,7 @@ from typing import Any
 
 from manytouch.errors import MissingExtraError, SourceError
 from manytouch.recording import PROFILE
+from manytouch.recording.records import opened
 from manytouch.sources.encoded import decoded
 from manytouch.sources.files.log_images import CAN_BE_DECODED, LogImage, decoder_of
 from manytouch.sources.source import Capabilities, evenly_timed_ns
@@ -138,12 +139,16 @@ class LogSource:
 
 
 def is_log(path: Path) -> bool:
-    """Whether a path is an MCAP file of another program, or a bag of ROS 2."""
+    """Whether a path is an MCAP file of another program, or a bag of ROS 2.
+
+    Raises:
+        SourceError: it cannot be read.
+    """
     if path.is_dir():
         return (path / METADATA).is_file()
     if path.suffix.lower() != ".mcap" or not path.is_file():
         return False
-    with path.open("rb") as file:
+    with opened(path) as file:
         head = file.read(len(MAGIC) + 9 + 4 + len(PROFILE))
     is_whole = head.startswith(MAGIC) and head[len(MAGIC) : len(MAGIC) + 1] == b"\x01"
     return is_whole and not head.endswith(PROFILE.encode())

@@ -72,7 +72,11 @@ def read_toml(path: Path | Traversable, kind: str, error: type[ManytouchError]) 
         if b"\0" in content and not content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
             raise error(f"{path} is not a text file: give the path of {kind} (.toml)") from None
         raise error(f"{path} cannot be read as {kind}: it is not text in UTF-8; save it as such") from None
-    except (OSError, ValueError) as reason:
+    except OSError as reason:
+        raise error(
+            f"{path} cannot be read: {reason.strerror or reason}; give {kind} that can be read"
+        ) from None
+    except ValueError as reason:
         raise error(f"{path} cannot be read as {kind}: {reason}") from None
     mistake = complexity_mistake(text)
     if mistake is not None:

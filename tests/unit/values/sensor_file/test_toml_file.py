@@ -86,6 +86,17 @@ def test_a_file_of_another_kind_is_refused_with_what_it_is_for(text: str, words:
     assert read_toml(path, "a sensor file", SensorError)
 
 
+def test_a_file_that_may_not_be_read_is_refused_in_one_sentence(tmp_path: Path, monkeypatch) -> None:
+    def refuse(self: Path, *_: object) -> None:
+        raise PermissionError(13, "Permission denied", str(self))
+
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(SensorError) as caught:
+        read_toml(tmp_path / "a.toml", "a sensor file", SensorError)
+    sentence = f"{tmp_path / 'a.toml'} cannot be read: Permission denied; give a sensor file that can be read"
+    assert str(caught.value) == sentence
+
+
 def test_a_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SensorError, match="folder"):
         read_toml(tmp_path, "a sensor file", SensorError)
