@@ -86,6 +86,7 @@ def process(
                         observer=reporter,
                     )
                     if stop():
+                        reporter.print(f"stopped before the first frame: nothing was written to {out / name}")
                         break
                     files = process_job(
                         job,

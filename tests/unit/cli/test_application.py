@@ -408,6 +408,19 @@ def test_the_first_signal_ends_a_program_that_waits_for_its_camera(number, monke
     assert capsys.readouterr().err.endswith("stopped\n")
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_before_the_first_reading_ends_with_a_sentence_that_nothing_was_written(
+    number, monkeypatch, capsys, tmp_path
+):
+    monkeypatch.setattr("manytouch.session.prepare", lambda *_, **__: signal.raise_signal(number))
+    (tmp_path / "a.mp4").touch()
+    status = main(["process", str(tmp_path / "a.mp4"), "--out", str(tmp_path / "o")])
+    assert status == (143 if number == signal.SIGTERM else 0)
+    last = capsys.readouterr().out.split("\n")[-2]
+    assert last.endswith(f"stopped before the first frame: nothing was written to {tmp_path / 'o' / 'a'}")
+    assert not (tmp_path / "o").exists()
+
+
 def test_doctor_reports_a_missing_file_and_nothing_else(capsys, tmp_path):
     assert main(["doctor", str(tmp_path / "press.mp4")]) == 1
     printed = capsys.readouterr()

@@ -337,6 +337,15 @@ class BodySection(Section):
         ]
         return [concatenate_trajectories(trajectories)]
 
+    def depths_mm(self) -> list[tuple[str, float]]:
+        """Key and largest depth of each motion."""
+        return [
+            (f"motions.{number}.points", max(point[3] for point in motion.points))
+            if isinstance(motion, _Path)
+            else (f"motions.{number}.depth_mm", motion.depth_mm)
+            for number, motion in enumerate(self.motions)
+        ]
+
     def bodies(self, folder: Path) -> list[Body]:
         """One body, or two that close in.
 
