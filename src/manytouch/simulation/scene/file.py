@@ -1,12 +1,14 @@
 """The scene file: TOML, checked key by key like the sensor file, every mistake named at once."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, ValidationError, ValidationInfo, field_validator
 
 from manytouch.errors import SensorError, SourceError
@@ -255,6 +257,7 @@ def _scene(file: _File, folder: Path, width_px: int | None) -> SceneFile:
         raise SourceError(
             f'mechanics = "shell" is for clamped sheets, but that of {sensor.name!r} is bonded: use "solid"'
         )
+    _require_depths(file.bodies, sensor.sheet)
     mesh = file.solid.settings(sensor.sheet)
     element_mm = min(mesh.element_mm, mesh.contact_element_mm)
     elements = mesh.layers * float((sensor.sheet.size_mm / element_mm + 1.0).prod())
@@ -292,6 +295,22 @@ def _scene(file: _File, folder: Path, width_px: int | None) -> SceneFile:
             seed=file.seed,
         ),
     )
+
+
+def _require_depths(bodies: Sequence[BodySection], sheet: Sheet) -> None:
+    if sheet.boundary == "bonded":
+        limit_mm, limit = sheet.thickness_mm, "the thickness of this pad"
+    else:
+        limit_mm, limit = float(np.min(sheet.size_mm)) / 2.0, "half of the shorter side of this sheet"
+    wrong = [
+        f"bodies.{number}.{key}: a depth of {depth_mm:g} mm"
+        for number, body in enumerate(bodies)
+        for key, depth_mm in body.depths_mm()
+        if depth_mm > limit_mm
+    ]
+    if wrong:
+        more = f"; and {len(wrong) - 1} more" if len(wrong) > 1 else ""
+        raise SourceError(f"{wrong[0]} is not computed: choose at most {limit_mm:g} mm, {limit}{more}")
 
 
 def _sensor(text: str, folder: Path, width_px: int | None) -> Sensor:

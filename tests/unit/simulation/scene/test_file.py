@@ -179,6 +179,11 @@ def test_mistakes_between_keys_are_named_with_those_of_single_keys(tmp_path: Pat
             "1 rows are given for 2 points",
         ),
         ("missing = 3", "missing = 700", "more than the 600"),
+        (
+            "[1.0, 0.0, -20.0, 2.0]",
+            "[1.0, 0.0, -20.0, 40.5]",
+            r"points: a depth of 40\.5 mm .* at most 40 mm",
+        ),
         ('sensor = "demo"', 'sensor = "nowhere.toml"', "does not exist"),
         ('file = "body.obj"', 'file = "none.obj"', "cannot read the mesh"),
         ("schema = 1", "schema = [", "not valid TOML"),
@@ -189,6 +194,26 @@ def test_a_mistake_is_reported(tmp_path: Path, old: str, new: str, words: str) -
     assert old in EVERYTHING
     with pytest.raises((SourceError, SensorError), match=words):
         load_scene(written(tmp_path, EVERYTHING.replace(old, new)))
+
+
+@pytest.mark.parametrize(
+    ("sensor", "deepest_mm", "limit"),
+    [("demo", 40.0, "half of the shorter side"), ("pad", 4.0, "the thickness of this pad")],
+)
+def test_no_press_is_deeper_than_the_sheet_can_be_pressed(
+    tmp_path: Path, sensor: str, deepest_mm: float, limit: str
+) -> None:
+    text = PAD.replace('sensor = "pad"', f'sensor = "{sensor}"')
+    before, after = text.split("depth_mm = ")
+    for depth_mm in (deepest_mm, deepest_mm + 0.5):
+        depth = f"depth_mm = {depth_mm}"
+        path = written(tmp_path, before + depth + after[after.index(",") :])
+        if depth_mm == deepest_mm:
+            load_scene(path)
+            continue
+        key = "bodies.0.motions.0.depth_mm: a depth of"
+        with pytest.raises(SourceError, match=rf"{key} {depth_mm} mm .* at most {deepest_mm:g} mm, {limit}"):
+            load_scene(path)
 
 
 PAD = """
