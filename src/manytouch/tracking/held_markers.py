@@ -12,8 +12,8 @@ _MOST_STD_PX = 0.5
 region cuts, are not counted: that they stay within a tenth of it shows nothing."""
 COMPRESSED_VIDEO = (
     "the video is compressed, which displaces dots by a few hundredths of a pixel: deviations are larger, "
-    "and faint contacts may be missed. Record with less compression (H.264 with -crf 18 or less), or every "
-    "image by itself (Motion JPEG, PNG, manytouch run --record)"
+    "and faint contacts may be missed. Record with less compression, or every image by itself "
+    "(Motion JPEG, PNG, manytouch run --record)"
 )
 """A warning where `HeldMarkersState.is_compressed`."""
 

@@ -140,6 +140,7 @@ def test_compressed_video_is_a_warning(sensor, reading_of):
     summary.write(reading_of(2))
     (found,) = [sentence for sentence in summary.warnings() if "the video is compressed" in sentence]
     assert "Record with less compression" in found
+    assert "crf" not in found, "video that was encoded with -crf 18 has this warning too"
 
 
 def test_frames_count_for_the_method_that_estimated_them(sensor, reading_of):
