@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from inspect import Parameter, signature
 from itertools import pairwise
 
 from cyclopts import App, CycloptsError, UnknownCommandError, UnusedCliTokensError
@@ -80,9 +81,19 @@ def _report_usage(error: CycloptsError) -> int:
     return WRONG_COMMAND_LINE
 
 
+def _inputs_of(error: CycloptsError) -> str:
+    """What words without an option a command takes, and where."""
+    words = [] if error.target is None else list(signature(error.target).parameters.values())
+    words = [word for word in words if word.kind is Parameter.POSITIONAL_ONLY]
+    if any("list[" in str(word.annotation) for word in words):
+        return "list all inputs before the options"
+    verb, count = " ".join(error.command_chain or ()), len(words)
+    return f"{verb} takes {('no input', 'one input only')[count] if count < 2 else f'{count} inputs only'}"
+
+
 def _usage_error(error: CycloptsError) -> str:
     if isinstance(error, UnusedCliTokensError):
-        return f"unexpected words: {' '.join(error.unused_tokens or ())} (list all inputs before the options)"
+        return f"unexpected words: {' '.join(error.unused_tokens or ())} ({_inputs_of(error)})"
     sentence = one_line(str(error))
     if isinstance(error, UnknownCommandError) and error.app is not None:
         known = ", ".join(name for name in error.app if not name.startswith("-"))

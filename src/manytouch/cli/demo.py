@@ -57,6 +57,7 @@ def demo(
     from manytouch.cli.terminal.outputs import check_urls
     from manytouch.sinks.files.atomic_output import check_writable
 
+    options.refuse_unused_viewer("demo", no_view, host=host, port=port, token=token, max_clients=max_clients)
     check_urls("demo", to)
     check_writable(out)
     reporter = Reporter(bar=False)

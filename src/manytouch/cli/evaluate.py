@@ -115,6 +115,7 @@ def evaluate(
     if paper:
         return _paper(method, cache=cache, processes=processes, out=out)
     trial_folder = out / ".trials"
+    chosen: tuple[Case, ...] = ()
     if given:
         from manytouch.evaluation.compare_folders import evaluate_folders
 
@@ -128,10 +129,17 @@ def evaluate(
             reporter.print("no case was completed, so there is no report")
             return 0
     page = write_report(evaluation, out)
-    shutil.rmtree(trial_folder, ignore_errors=True)
+    done = len(evaluation.trials) + len(evaluation.left_out)
+    is_stopped = not given and done < len(chosen)
+    if not is_stopped:
+        shutil.rmtree(trial_folder, ignore_errors=True)
     for sentence in _describe_results(evaluation):
         reporter.print(sentence)
     reporter.print(f"report in {page}")
+    if is_stopped:
+        reporter.print(
+            f"stopped: the report is of {done} of {len(chosen)} cases; run the same command again to continue"
+        )
     return 0
 
 

@@ -1,5 +1,6 @@
 """`manytouch process`: tables of all frames of recordings."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -104,8 +105,9 @@ def process(
                     contacts=files.contact_list,
                 )
                 for frame in [] if files.pictures is None else files.pictures.missing:
-                    reporter.print(
-                        f"no image of frame {frame}: the input has no decoded frame with this number"
+                    print(
+                        f"warning: no image of frame {frame}: the input has no decoded frame of this number",
+                        file=sys.stderr,
                     )
             except Exception as error:  # noqa: BLE001 - the other inputs are processed all the same
                 shown = without_password(text)

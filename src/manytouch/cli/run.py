@@ -62,6 +62,7 @@ def run(
 
     check_urls("run", to)
     check_outputs(out, record)
+    options.refuse_unused_viewer("run", no_view, host=host, port=port, token=token, max_clients=max_clients)
     camera_options = {
         "--size": size,
         "--exposure-ms": exposure_ms,

@@ -68,7 +68,8 @@ class Live:
     It is both `manytouch.session.Readings`, for `run`, and `manytouch.pipeline.Controls`, for the viewer.
     Decoding, detection and tracking run in a thread, estimation and sinks in the one that calls `run`. Frames
     of a device that come while a thread is busy are dropped and counted, all but the last. What is changed
-    is prepared in a third thread, while the frames are processed as before. `meter` counts the readings.
+    is prepared in a third thread, while the frames are processed as before. `meter` counts the readings,
+    `recorder` records.
     """
 
     def __init__(
@@ -94,7 +95,7 @@ class Live:
         self._commands = CommandQueue()
         self._setups: BackgroundPreparation[Setup] = BackgroundPreparation(self._warm_up, self._refuse)
         self.meter = ThroughputMeter()
-        self._recorder = SessionRecorder(job, recordings, self._commands.note)
+        self.recorder = SessionRecorder(job, recordings, self._commands.note)
         self._state_notes = StateNotes(job.source, self._commands.note)
         self._record_path, self._begin = record, begin
         self._outputs: tuple[Output, ...] = ()
@@ -138,7 +139,7 @@ class Live:
     @property
     def own_sinks(self) -> tuple[Sink, ...]:
         """The outputs, the recorder, the meter of rate and latency, and the notes on the source."""
-        return *self._outputs, self._recorder, self.meter, self._state_notes
+        return *self._outputs, self.recorder, self.meter, self._state_notes
 
     def attach(self, outputs: Sequence[Output]) -> None:
         """Pass readings to other programs too; call it before the session is run."""
@@ -176,7 +177,7 @@ class Live:
             choices=choices_of(setup.pipeline),
             parameter_info=parameter_info(setup.method),
             settings=() if can.device is None else can.device.settings,
-            recording=self._recorder.name,
+            recording=self.recorder.name,
             notes=self._commands.notes,
             can_press=can.press is not None,
             can_untare=bool(self._before_tares),
@@ -279,7 +280,7 @@ class Live:
                 return
             if is_live:
                 self._count_dropped(frame)
-                self._recorder.take(frame)
+                self.recorder.take(frame)
                 if not self._is_held:
                     yield frame
             else:
@@ -294,7 +295,7 @@ class Live:
         """Wait until the frame of a file is due; it arrives then, and is recorded."""
         self._pace.wait_for(frame.timestamp_ns, self._is_over.is_set)
         arrived = replace(frame, arrived_ns=time.monotonic_ns())
-        self._recorder.take(arrived)
+        self.recorder.take(arrived)
         return arrived
 
     def _carry_out(self, command: Command) -> None:
@@ -318,7 +319,7 @@ class Live:
             case Record(path=path):
                 self._begin_recording(path)
             case StopRecording():
-                self._recorder.end()
+                self.recorder.end()
             case Press() | Release():
                 self._press(command)
             case _:
@@ -333,7 +334,7 @@ class Live:
 
     def _begin_recording(self, path: Path | None) -> None:
         setup = self._wanted
-        self._recorder.begin(path, setup.sensor, setup.pipeline, setup.method)
+        self.recorder.begin(path, setup.sensor, setup.pipeline, setup.method)
 
     def _press(self, command: Press | Release) -> None:
         press = self._job.source.capabilities.press
@@ -393,5 +394,5 @@ class Live:
 
     def _use(self, setup: Setup) -> None:
         self._wanted, self._is_changed = setup, True
-        self._recorder.describe(setup.sensor, setup.pipeline, setup.method)
+        self.recorder.describe(setup.sensor, setup.pipeline, setup.method)
         self._commands.note(setup.note)

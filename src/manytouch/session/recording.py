@@ -19,6 +19,9 @@ class SessionRecorder:
     """A sink with at most one recording at a time.
 
     Frames of a device are recorded as they arrive, before any is dropped; all others when they are processed.
+
+    Attributes:
+        lost: why the last recording that could not be written has no frame; None: there was none.
     """
 
     def __init__(self, job: Job, folder: Path, note: Callable[[str], None]) -> None:
@@ -32,6 +35,7 @@ class SessionRecorder:
         self._job = job
         self._folder = folder
         self._note = note
+        self.lost: str | None = None
         self._recorder: Recorder | None = None
         self._change = threading.Lock()
 
@@ -107,4 +111,6 @@ class SessionRecorder:
         if device is not None:
             device.listen(None)
         recorder.close()
+        if recorder.is_lost:
+            self.lost = recorder.ended
         self._note(recorder.ended or f"recorded {recorder.path.name}")

@@ -36,6 +36,7 @@ class Recorder:
     Attributes:
         path: the file.
         ended: None while recording, afterwards a sentence with the reason for the end.
+        is_lost: whether it ended with an error before it had a frame.
         frames: number of recorded frames.
         lost: number of frames that were not recorded, because encoding or the disk was too slow.
         repeated: number of recorded frames whose number is not larger than all before.
@@ -56,6 +57,7 @@ class Recorder:
         require_mcap()
         self.path = path
         self.ended: str | None = None
+        self.is_lost = False
         self.frames = self.lost = self.repeated = 0
         self._source = dict(source)
         self._from_index: int | None = None
@@ -189,10 +191,10 @@ class Recorder:
         written = 0 if self._writer is None else self._writer.valid_bytes
         reserve = f"{RESERVE_BYTES / 1e6:.0f} MB of the disk stay free"
         try:
-            free = f"{free_bytes(self.path.parent) / 1e6:.3g} MB were free"
+            free = f"{_megabytes(free_bytes(self.path.parent))} MB were free"
         except OSError:
             free = "the free space is unknown"
-        return f"when {written / 1e6:.3g} MB were written and {free} ({reserve})"
+        return f"when {_megabytes(written)} MB were written and {free} ({reserve})"
 
     def _is_disk_full(self) -> bool:
         try:
@@ -236,9 +238,15 @@ class Recorder:
             if self.repeated
             else ""
         )
+        self.is_lost = bool(why) and self.frames == 0
         with self._room:
             self.ended = f"{why or f'recorded {self.path.name}'}; {kept}{repeated}{lost}"
             self._room.notify_all()
+
+
+def _megabytes(count: int) -> str:
+    """Bytes as MB, without an exponent."""
+    return f"{count / 1e6:.{0 if count >= 100_000_000 else 1 if count >= 1_000_000 else 3}f}"
 
 
 class UnbufferedFile:

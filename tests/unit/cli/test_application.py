@@ -154,6 +154,7 @@ def test_options_of_a_camera_are_refused_for_other_sources(
     assert main(["run", source, *option]) == 2
     refused = capsys.readouterr().err
     assert f"{option[0]} can be requested of a camera of this computer only" in refused
+    assert ": omit it;" in refused
     assert "secret" not in refused
 
 
@@ -279,6 +280,21 @@ def test_exit_status_of_words_alone(words, status, capsys, tmp_path, monkeypatch
             ["process", "a.mp4", "--out", "o", "b.mp4"],
             "unexpected words: b.mp4 (list all inputs before the options)",
         ),
+        (["run", "a.avi", "b.avi"], "unexpected words: b.avi (run takes one input only)"),
+        (
+            ["doctor", "a.avi", "b.avi", "c.avi"],
+            "unexpected words: b.avi c.avi (doctor takes one input only)",
+        ),
+        (["recording", "check", "a", "b"], "unexpected words: b (recording check takes one input only)"),
+        (["demo", "a.avi"], "unexpected words: a.avi (demo takes no input)"),
+        (
+            ["run", "a.avi", "--no-view", "--port", "8100"],
+            "--port is for the viewer, which --no-view omits: omit it, or --no-view",
+        ),
+        (
+            ["demo", "--no-view", "--token", "abcdefgh12345678", "--host", "0.0.0.0"],
+            "--host, --token are for the viewer, which --no-view omits: omit them, or --no-view",
+        ),
     ],
 )
 def test_an_error_of_the_command_line_refers_to_the_help(words, message, capsys):
@@ -355,7 +371,9 @@ def test_the_first_ctrl_c_requests_a_stop_and_the_second_interrupts(capsys):
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is before
-    assert "Ctrl-C again" in capsys.readouterr().err
+    printed = capsys.readouterr().err
+    assert "Ctrl-C again" in printed
+    assert "frame" not in printed, "there is none in a simulation or an evaluation"
 
 
 def test_a_command_can_be_called_in_a_thread() -> None:

@@ -1,6 +1,7 @@
 """Options of the command, what it refuses, and the files that it leaves."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -142,6 +143,27 @@ def test_without_options_every_method_reads_every_case(
     assert len(chosen[0]) == 564
     assert written[0].methods == METHODS
     assert solved == [(564, user_cache())]
+
+
+def test_a_stopped_suite_states_how_many_cases_its_report_has(
+    written: list[Evaluation],
+    solved: list[tuple[int, Path]],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    whole = recorded_run([])
+
+    def stopped(cases: Any, *others: Any, **named: Any) -> Evaluation:
+        evaluation = whole(cases, *others, **named)
+        return replace(evaluation, trials=evaluation.trials[:2])
+
+    monkeypatch.setattr(runner, "run_suite", stopped)
+    assert run("--quick", "--out", str(tmp_path)) == 0
+    printed = capsys.readouterr().out
+    assert "stopped: the report is of 2 of 36 cases; run the same command again to continue" in printed
+    assert (tmp_path / ".trials").exists()
+    assert "intervals: \n" not in printed
 
 
 def test_two_folders_are_compared(

@@ -16,8 +16,8 @@ from manytouch.evaluation.evaluated_recordings.evaluated_recording import Contac
 from manytouch.evaluation.metrics.comparison import compare
 from manytouch.evaluation.metrics.metric_specs import METRICS, MetricSpec, rating, written
 from manytouch.evaluation.metrics.metric_specs import plain as number
+from manytouch.evaluation.report import goals, svg_theme
 from manytouch.evaluation.report import page as report
-from manytouch.evaluation.report import svg_theme
 from manytouch.evaluation.report.ratings import cell, limits, rate_methods, table
 from manytouch.evaluation.report.report_data import contents, forces_in_short, in_short, plain
 from manytouch.evaluation.suite.cases import Case, Touch
@@ -135,6 +135,24 @@ def outline(page: str) -> Outline:
     found.feed(page)
     assert found.open == []
     return found
+
+
+def test_a_part_without_contacts_has_no_line_of_intervals(monkeypatch: pytest.MonkeyPatch) -> None:
+    cells = tuple(("", None) for _ in goals.GOALS)
+    without = goals.GoalRow(
+        part="varied, may be looked at",
+        method="mechanics",
+        recordings=1,
+        cells=cells,
+        coverage=tuple(("", None) for _ in goals.COVERED),
+        missed=0,
+    )
+    whole = Evaluation(title="suite", truth_description="", methods=("mechanics",), trials=())
+    shown = replace(without, coverage=(("40 / 80 / 90", True), *without.coverage[1:]))
+    for row, count in ((without, 0), (shown, 1)):
+        monkeypatch.setattr(goals, "goal_table", lambda _, row=row: [row])
+        lines = goals.goal_lines(whole)
+        assert sum("intervals" in line for line in lines) == count
 
 
 def test_the_page_has_every_section(page: str) -> None:

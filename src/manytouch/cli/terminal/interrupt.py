@@ -77,7 +77,7 @@ class StopOnSignal:
             raise KeyboardInterrupt
         self._is_requested = True
         again = "" if StopOnSignal.is_terminated else "; press Ctrl-C again to stop at once"
-        sys.stderr.write(f"\nstopping after this frame{again}\n")
+        sys.stderr.write(f"\nstopping when the present step is complete{again}\n")
 
     def _leave_terminal(self) -> None:
         """Print to nowhere what went to the terminal: it is gone, and an error of printing ends the run."""

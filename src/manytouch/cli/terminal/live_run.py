@@ -1,5 +1,6 @@
 """A live session, or the playback of a file, with printed contacts, outputs, a viewer and files."""
 
+import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -81,6 +82,8 @@ def run_live(live: Live, folder: Path | None, outputs: Outputs, stop: StopCondit
             if files is not None:
                 files.is_complete, files.is_repeatable = is_complete, live.is_repeatable
         reporter.print(describe_latency(live.health()))
+        if live.recorder.lost is not None:
+            print(f"manytouch: {live.recorder.lost}", file=sys.stderr)
         if files is not None:
             reporter.finish(files.summary, files.folder.path, is_complete=is_complete)
         if is_complete and pages and outputs.shows_timeline_of(job.source):

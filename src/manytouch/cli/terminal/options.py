@@ -153,7 +153,30 @@ def refuse_camera_options(verb: str, source: str, camera_options: Mapping[str, o
         raise usage_error(
             verb,
             f"{', '.join(given)} can be requested of a camera of this computer only, not of "
-            f"{without_password(source)}: omit them",
+            f"{without_password(source)}: omit {'it' if len(given) == 1 else 'them'}",
+        )
+
+
+def refuse_unused_viewer(
+    verb: str, no_view: bool, *, host: str, port: int, token: str | None, max_clients: int
+) -> None:
+    """Refuse options of the viewer with --no-view.
+
+    Raises:
+        CycloptsError: one is given.
+    """
+    is_given = {
+        "--host": host != HOST,
+        "--port": port != 0,
+        "--token": token is not None,
+        "--max-clients": max_clients != MAX_CLIENTS,
+    }
+    given = given_options(is_given)
+    if no_view and given:
+        be, them = ("is", "it") if len(given) == 1 else ("are", "them")
+        raise usage_error(
+            verb,
+            f"{', '.join(given)} {be} for the viewer, which --no-view omits: omit {them}, or --no-view",
         )
 
 

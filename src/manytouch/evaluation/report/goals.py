@@ -201,11 +201,13 @@ def goal_lines(evaluation: Evaluation) -> list[str]:
             goals = [goal.of(group_of(row.part)) or goal for goal in GOALS]
             cells = zip(goals, row.cells, strict=True)
             lines.append("  " + ", ".join(_text(goal, *cell) for goal, cell in cells if cell[0]))
-            covered = zip(COVERED, row.coverage, strict=True)
-            lines.append(
-                "  within 50 / 90 / 95 % intervals: "
-                + ", ".join(f"{name} {text}{_mark(right)}" for name, (text, right) in covered if text)
-            )
+            covered = [
+                f"{name} {text}{_mark(right)}"
+                for name, (text, right) in zip(COVERED, row.coverage, strict=True)
+                if text
+            ]
+            if covered:
+                lines.append("  within 50 / 90 / 95 % intervals: " + ", ".join(covered))
     details = [row for row in rows if not row.part.endswith(("looked at", "held out"))]
     worst = sorted(details, key=lambda row: -row.missed)[:5]
     if worst and worst[0].missed:

@@ -17,6 +17,7 @@ from manytouch.cli.terminal.viewing import ViewerAddress
 from manytouch.pipeline import Controls
 from manytouch.recording.repair import check
 from manytouch.session import Live, prepare
+from manytouch.sinks import recorder
 from manytouch.values import Reading, Seek
 from results import rows_of
 
@@ -78,6 +79,26 @@ def test_files_are_complete_before_the_timeline_is_shown(video, tmp_path, monkey
     printed = capsys.readouterr().out
     assert printed.index("results in") < printed.index("it stays open with a timeline until Ctrl-C")
     assert printed.count("#0 touches") == 1
+
+
+@pytest.mark.parametrize("free", [5_000_000, 58_000_000_000])
+def test_a_recording_without_a_frame_for_lack_of_space_is_stated_on_stderr(
+    video, tmp_path, monkeypatch, capsys, free: int
+) -> None:
+    monkeypatch.setattr(recorder, "free_bytes", lambda path: free)
+    monkeypatch.setattr(recorder, "RESERVE_BYTES", 60_000_000_000)
+    live = Live(prepare(video, fps=500.0), record=tmp_path / "press.mcap")
+    run_live(live, None, Outputs(to=(), address=None, reporter=Reporter(bar=False)), lambda: False)
+    found = capsys.readouterr().err
+    assert found.startswith("manytouch: the disk is full: press.mcap ended, when 0.000 MB were written")
+    assert f"and {free // 10**6}{'.0' if free < 10**8 else ''} MB were free" in found
+    assert found.endswith("; 0 frames were recorded\n")
+
+
+def test_a_recording_is_not_stated_on_stderr(video, tmp_path, capsys) -> None:
+    live = Live(prepare(video, fps=500.0), record=tmp_path / "press.mcap")
+    run_live(live, None, Outputs(to=(), address=None, reporter=Reporter(bar=False)), lambda: False)
+    assert capsys.readouterr().err == ""
 
 
 def test_a_run_that_is_ended_early_does_not_stay(video, tmp_path, monkeypatch, capsys) -> None:
