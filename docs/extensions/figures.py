@@ -21,7 +21,7 @@ def viewer_picture(path: Path) -> None:
     sys.path.insert(0, str(TESTS))
     from browser import CHROMIUM, FLAGS
 
-    program = [sys.executable, "-m", "manytouch", "run", "sim:fingers", "--fps", "4"]
+    program = [sys.executable, "-m", "manytouch", "run", "sim:fingers", "--fps", "10"]
     session = subprocess.Popen(program, stdout=subprocess.PIPE, text=True)
     assert session.stdout is not None
     try:
