@@ -254,10 +254,8 @@ class MarkersSection(Section):
 
     @property
     def _is_on_line(self) -> bool:
-        """Whether those that are not missing lie on one line."""
-        absent = [row * (self.columns or 0) + column for row, column in self.missing]
-        there = self.rest_xy_mm[~np.isin(np.arange(self.count), absent)]
-        return are_on_line(there, self.min_distance_mm)
+        """Whether all of them, with those that are missing, lie on one line."""
+        return are_on_line(self.rest_xy_mm, self.min_distance_mm)
 
     @property
     def min_distance_mm(self) -> float:
