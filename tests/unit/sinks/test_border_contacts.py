@@ -5,23 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flat_spline import FLAT
 from layouts import lattice_layout
 from manytouch.sinks.border_contacts import BorderContacts
-from manytouch.values import SheetSpline
 from manytouch.values.sensor_file.assumed_sheet import assumed_sheet
 
 AT_BORDER, INSIDE = ([34.0, 2.0], [-3.0, 21.0]), ([10.0, 4.0], [-12.0, -8.0])
-FLAT = SheetSpline(
-    size_mm=(80.0, 48.0),
-    centre_mm=(0.0, 0.0),
-    elements=(1, 1),
-    is_clamped=True,
-    thickness_mm=3.0,
-    poisson=0.45,
-    coefficient_mm=np.zeros((16, 3)),
-    force_over_E_mm2=np.zeros((16, 3)),
-    young_MPa=None,
-)
 
 
 @pytest.fixture

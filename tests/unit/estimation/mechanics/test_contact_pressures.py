@@ -35,7 +35,10 @@ def test_the_pressure_sums_up_to_the_forces_of_the_contacts() -> None:
 
 
 def test_nodes_that_press_have_what_is_missing_in_the_sum() -> None:
-    """A force that pulls next to a contact counts in the sum; a contact without a cluster changes nothing."""
+    """A force that pulls next to a contact counts in the sum; a contact without a cluster changes nothing.
+
+    A cluster that is no contact yet keeps its force, however strong it is.
+    """
     surface, contacts = pressed_surface()
     nodes, spline = started().model.nodes, surface.spline
     assert spline is not None
@@ -44,6 +47,8 @@ def test_nodes_that_press_have_what_is_missing_in_the_sum() -> None:
         nearest = np.argsort(np.linalg.norm(nodes.place_mm - contact.centre_mm, axis=1))
         label[nearest[:4]], force_mm2[nearest[:4], 2] = number, -0.01
         force_mm2[nearest[4], 2] = 0.004
+    waiting = np.argmin(np.linalg.norm(nodes.place_mm - [-2.0, -20.0], axis=1))
+    label[waiting], force_mm2[waiting, 2] = 2, -0.3
     clusters = cluster_moments(nodes, force_mm2, label)
     before = replace(surface, spline=replace(spline, force_over_E_mm2=force_mm2))
     first, second = contacts.touching
@@ -56,5 +61,6 @@ def test_nodes_that_press_have_what_is_missing_in_the_sum() -> None:
         is_near = np.linalg.norm(nodes.place_mm - contact.centre_mm, axis=1) < 10.0
         assert press_mm2[is_near].sum() == pytest.approx(contact.normal_force_over_E_mm2)
         np.testing.assert_allclose(press_mm2[label == number], press_mm2[label == number].mean())
-    assert press_mm2.sum() == pytest.approx(0.08)
+    assert press_mm2[waiting] == 0.3
+    assert press_mm2.sum() == pytest.approx(0.08 + 0.3)
     assert (press_mm2[label < 0] <= 0.0).all()

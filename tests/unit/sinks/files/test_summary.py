@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flat_spline import FLAT
 from manytouch.cli.terminal.console import describe_results
 from manytouch.paper.detection import PaperDetection
 from manytouch.paper.estimation import PaperEstimation
@@ -22,19 +23,8 @@ from manytouch.sinks.files.sensor_description import (
     sensor_to_dict,
 )
 from manytouch.sinks.files.summary import Summary, parameters
-from manytouch.values import Phase, Roi, Sheet, SheetSpline, Status
+from manytouch.values import Phase, Roi, Sheet, Status
 
-FLAT = SheetSpline(
-    size_mm=(120.0, 80.0),
-    centre_mm=(0.0, 0.0),
-    elements=(1, 1),
-    is_clamped=True,
-    thickness_mm=3.0,
-    poisson=0.45,
-    coefficient_mm=np.zeros((16, 3)),
-    force_over_E_mm2=np.zeros((16, 3)),
-    young_MPa=None,
-)
 HASHES = {"input": "1", "sensor": "2", "parameters": "3", "version": "4"}
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from flat_spline import FLAT
 from manytouch.cli.terminal.console import describe_contacts
 from manytouch.sinks.files.tables import (
     ContactList,
@@ -17,7 +18,7 @@ from manytouch.sinks.files.tables import (
     seconds_text,
     six_digits,
 )
-from manytouch.values import ContactShape, Phase, SheetSpline, Status
+from manytouch.values import ContactShape, Phase, Status
 
 CONTACT_COLUMNS = (
     "frame,time_s,contact,phase,x_mm,y_mm,depth_mm,normal_force_N,shear_x_N,shear_y_N,area_mm2,"
@@ -26,17 +27,6 @@ CONTACT_COLUMNS = (
     "half_major_mm,half_minor_mm,orientation_rad,shape,shape_probability"
 )
 MARKER_COLUMNS = "frame, time_s, marker, row, column, x_px, y_px, seen, dx_mm, dy_mm, depth_mm, depth_std_mm"
-FLAT = SheetSpline(
-    size_mm=(120.0, 80.0),
-    centre_mm=(0.0, 0.0),
-    elements=(1, 1),
-    is_clamped=True,
-    thickness_mm=3.0,
-    poisson=0.45,
-    coefficient_mm=np.zeros((16, 3)),
-    force_over_E_mm2=np.zeros((16, 3)),
-    young_MPa=None,
-)
 HASHES = {"input": "1", "sensor": "2", "parameters": "3", "version": "4"}
 FRAME_COLUMNS = "frame,time_s,status,markers_seen,contacts,milliseconds,lost_ids,new_ids,method"
 
