@@ -71,8 +71,8 @@ class SheetSpline:
         thickness_std_mm: standard deviation of the thickness of an assumed sheet; NaN of a known one.
         coefficient_mm: (nodes, 3) of the displacement along x and y and of the bending deflection b, in the
             order of `geometry.spline.SplinePatch`.
-        force_over_E_mm2: (nodes, 3) nodal forces on the sheet divided by Young's modulus; the sum of the
-            normal ones is that of the contacts.
+        force_over_E_mm2: (nodes, 3) nodal forces on the sheet divided by Young's modulus. Around a contact
+            the sum of the normal ones is its normal force.
         young_MPa: None if unknown.
     """
 
