@@ -1,11 +1,13 @@
 """What `process` finds on clamped sheets of which nothing is known, by method.
 
-    python benchmarks/without_sensor_file.py [FOLDER ...]
+    python benchmarks/without_sensor_file.py [--parts] [FOLDER ...]
 
 The pictures are those of the demo (up to five fingers at once), or those in the given folders, which
 `random_scenes.py` has made. They are processed without a sensor file and without a pitch, so that places are
 compared in the image and depths in pitches. A contact is found if an estimate is within three quarters of a
-pitch of it; true contacts of any depth count.
+pitch of it; true contacts of any depth count. With `--parts` only regions of the pictures of the demo are
+processed, in which the sheet goes on at one to four sides; contacts beyond a region are neither missed nor
+false.
 """
 
 import argparse
@@ -25,6 +27,14 @@ from manytouch.sources.simulated import simulated_source
 
 GATE_PITCH = 0.75
 METHODS = ("mechanics", "perimeter")
+PARTS = {
+    "without 5 columns at the left": manytouch.Roi(155, 0, 485, 360),
+    "without 5 columns at both sides": manytouch.Roi(140, 0, 360, 360),
+    "without 5 rows below": manytouch.Roi(0, 0, 640, 270),
+    "the right half": manytouch.Roi(320, 0, 320, 360),
+    "without 5 columns and 4 or 5 rows at all sides": manytouch.Roi(140, 80, 360, 200),
+}
+"""Regions of the pictures of the demo, which has 30 columns and 20 rows of dots."""
 DEMO_WIDTH_PX, DEMO_STEP, DEMO_FPS, DEMO_FRAMES = 640, 2, 30.0, 290
 RANDOM_FPS = 15.0
 Row = dict[str, str]
@@ -39,6 +49,7 @@ class Recording(NamedTuple):
         fps: of the pictures.
         pitch_mm, pitch_px: of the markers.
         contacts: true ones, with the columns of contacts.csv in mm.
+        region: of the pictures that is processed; None: all.
     """
 
     name: str
@@ -47,6 +58,14 @@ class Recording(NamedTuple):
     pitch_mm: float
     pitch_px: float
     contacts: list[Row]
+    region: manytouch.Roi | None = None
+
+    def shows(self, row: Row) -> bool:
+        """Whether a contact is in the region."""
+        if self.region is None:
+            return True
+        x_px, y_px = float(row["x_px"]) - self.region.x_px, float(row["y_px"]) - self.region.y_px
+        return 0.0 <= x_px <= self.region.width_px and 0.0 <= y_px <= self.region.height_px
 
 
 class Score(NamedTuple):
@@ -125,7 +144,11 @@ def score(recording: Recording, method: str) -> Score:
     """Process the pictures with a method, and compare."""
     with tempfile.TemporaryDirectory() as out:
         folder = manytouch.process(
-            str(recording.frames), out=Path(out) / "results", method=method, fps=recording.fps
+            str(recording.frames),
+            out=Path(out) / "results",
+            method=method,
+            fps=recording.fps,
+            roi_px=recording.region,
         )
         estimated = by_frame(rows_of(folder / "contacts.csv"))
     true = by_frame(recording.contacts)
@@ -143,12 +166,13 @@ def score_of_frame(recording: Recording, true: list[Row], estimated: list[Row]) 
     )
     away = np.linalg.norm(next(places_px)[:, None] - next(places_px), axis=2) / recording.pitch_px
     pairs = assigned(away, GATE_PITCH)
-    depths = list(depths_of(recording, [(true[own], estimated[other]) for own, other in pairs]))
+    shown = [(own, other) for own, other in pairs if recording.shows(true[own])]
+    depths = list(depths_of(recording, [(true[own], estimated[other]) for own, other in shown]))
     return Score(
-        found=len(pairs),
-        missed=len(true) - len(pairs),
+        found=len(shown),
+        missed=sum(map(recording.shows, true)) - len(shown),
         false=len(estimated) - len(pairs),
-        away_pitch=[float(away[own, other]) for own, other in pairs],
+        away_pitch=[float(away[own, other]) for own, other in shown],
         depth=[error for error, _ in depths],
         in_interval=[is_in for _, is_in in depths],
     )
@@ -185,18 +209,24 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("folders", nargs="*", type=Path, metavar="FOLDER", help="of random_scenes.py")
+    parser.add_argument("--parts", action="store_true", help="regions of the demo instead of all of it")
     given = parser.parse_args()
+    if given.parts and given.folders:
+        parser.error("--parts are those of the demo: give no FOLDER")
     totals = dict.fromkeys(METHODS, Score(0, 0, 0, [], [], []))
     with tempfile.TemporaryDirectory() as made:
-        recordings = map(made_by_random_scenes, given.folders) if given.folders else [demo(Path(made))]
+        recordings = list(map(made_by_random_scenes, given.folders)) or [demo(Path(made))]
+        if given.parts:
+            (whole,) = recordings
+            recordings = [whole._replace(name=name, region=region) for name, region in PARTS.items()]
         for recording in recordings:
             for method in METHODS:
                 found = score(recording, method)
                 totals[method] = totals[method].plus(found)
                 print(f"{recording.name}, {method}: {line_of(found)}", flush=True)
-    if len(given.folders) > 1:
+    if len(recordings) > 1:
         for method, total in totals.items():
-            print(f"all {len(given.folders)} recordings, {method}: {line_of(total)}")
+            print(f"all {len(recordings)} recordings, {method}: {line_of(total)}")
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ NODES = ForceNodes(
     shape=SHAPE,
     place_mm=np.stack(np.meshgrid(greville(0), greville(1), indexing="ij"), axis=-1).reshape(-1, 2),
     element_mm=np.array(ELEMENT_MM),
-    inner_mm=0.5 * np.array(COUNT) * ELEMENT_MM - 6.0,
+    inner_mm=np.outer(0.5 * np.array(COUNT) * ELEMENT_MM - 6.0, [-1.0, 1.0]),
     force_unit_mm2=12.0,
     least_seen_px=5.0,
     seen_mm2_per_px=0.01,

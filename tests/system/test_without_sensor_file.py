@@ -47,3 +47,30 @@ def test_five_fingers_without_a_sensor_file(tmp_path: Path) -> None:
     assert np.median(away_px) < 0.1 * PITCH_PX
     assert abs(np.median(depth_error)) < 0.05
     assert np.percentile(np.abs(depth_error), 80) < 0.1
+
+
+def test_a_region_that_shows_a_part_of_the_sheet(tmp_path: Path) -> None:
+    """The sheet goes on below the region, where presses move its lowest dots."""
+    simulator, height_px = simulated_source("fingers", width_px=640).simulator, 270
+    shown = range(0, 290, STEP)
+    for number, index in enumerate(shown):
+        cv2.imwrite(str(tmp_path / f"{number:04d}.png"), simulator.frame(index).image)
+    region = manytouch.Roi(0, 0, 640, height_px)
+    folder = manytouch.process(str(tmp_path), out=tmp_path / "results", fps=30.0 / STEP, roi_px=region)
+    summary = json.loads((folder / "summary.json").read_text())
+    (sentence,) = [each for each in summary["warnings"] if "goes on" in each]
+    assert sentence.startswith("the sheet goes on beyond the lower side of the dots, as presses show:")
+    rows = [row for row in rows_of(folder / "contacts.csv") if row["phase"] != "end"]
+    found = missed = false = 0
+    for number, index in enumerate(shown):
+        own_px = [[float(row["x_px"]), float(row["y_px"])] for row in rows if int(row["frame"]) == number]
+        true_px = [contact.centre_px for contact in simulator.truth(index).contacts.touching]
+        both = np.array(own_px).reshape(-1, 1, 2), np.array(true_px).reshape(1, -1, 2)
+        is_near = np.linalg.norm(both[0] - both[1], axis=2) < 0.75 * PITCH_PX
+        false += int((~is_near.any(axis=1)).sum())
+        is_shown = both[1][0, :, 1] < height_px
+        found += int((is_near.any(axis=0) & is_shown).sum())
+        missed += int((~is_near.any(axis=0) & is_shown).sum())
+    assert found > 100
+    assert missed <= 0.1 * found
+    assert false <= 0.1 * found

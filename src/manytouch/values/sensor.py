@@ -164,7 +164,8 @@ class Sheet:
     """The soft sheet. None means unknown; forces are relative if the stiffness is unknown.
 
     Attributes:
-        size_mm: (2,) clamped outline along x and y, or outline of a bonded pad, centred on the origin.
+        size_mm: (2,) clamped outline along x and y, or outline of a bonded pad.
+        centre_mm: (2,) of the outline of an assumed sheet; None: the origin, as in all sensor files.
         thickness_mm: of the sheet without its markers.
         young_MPa, poisson, density_kg_m3: of its material.
         boundary: "clamped": held at its outline; "bonded": a pad on a rigid window, seen through it.
@@ -201,6 +202,7 @@ class Sheet:
     window_std_mm: float | None = None
     window_index_std: float | None = None
     pad_index_std: float | None = None
+    centre_mm: Float64[np.ndarray, "2"] | None = None
     is_assumed: bool = False
 
     __reduce__ = reduced

@@ -84,7 +84,7 @@ class ContactRules:
         """
         nodes = model.nodes
         needed_mm2 = nodes.least_force_mm2 * np.where(is_new, self.sudden_force, self.start_force)
-        inside_mm = (nodes.inner_mm - np.abs(clusters.centre_mm)).min(axis=1, initial=np.inf)
+        inside_mm = nodes.inside_mm(clusters.centre_mm)
         is_near_clamp = inside_mm < self.clamp_thickness * model.thickness_mm
         shear_mm2 = np.linalg.norm(clusters.force_mm2[:, :2], axis=1)
         is_strong = clusters.normal_mm2 >= np.where(is_near_clamp, self.clamp_factor * needed_mm2, needed_mm2)

@@ -6,6 +6,7 @@ and the error of the model. What the sheet does not describe is estimated by `pe
 """
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import compress
 from typing import Any
 
@@ -23,13 +24,11 @@ from manytouch.estimation.mechanics.clusters.local_deflection import local_defle
 from manytouch.estimation.mechanics.clusters.model_order import ModelOrder
 from manytouch.estimation.mechanics.clusters.rigid_faces import RigidFaces
 from manytouch.estimation.mechanics.contact_pressures import with_contact_pressures
-from manytouch.estimation.mechanics.contact_rules import (
-    ContactRules,
-    is_far_from,
-    significant,
-)
+from manytouch.estimation.mechanics.contact_rules import ContactRules, is_far_from, significant
 from manytouch.estimation.mechanics.contacts import ContactEstimator
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, GaussNewton
+from manytouch.estimation.mechanics.inversion.open_sides import OpenSides
+from manytouch.estimation.mechanics.inversion.searched_press import SearchedPress, SheetTrials
 from manytouch.estimation.mechanics.inversion.sheet_model import MIN_MARKERS, NominalSheet, checked_layout
 from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     PretensionEstimate,
@@ -37,14 +36,16 @@ from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     sheet_variants,
 )
 from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
-from manytouch.estimation.mechanics.inversion.thickness import (
-    SearchedPress,
-    ThicknessEstimate,
-    ThicknessEstimator,
-)
+from manytouch.estimation.mechanics.inversion.thickness import ThicknessEstimator
 from manytouch.estimation.mechanics.marker_noise import MarkerNoise, marker_variances_px2, with_excess
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState
-from manytouch.estimation.mechanics.sheet_updates import with_pretension, with_response, with_sheet_of
+from manytouch.estimation.mechanics.sheet_updates import (
+    with_pretension,
+    with_response,
+    with_searched_press,
+    with_sheet_of,
+    with_trials,
+)
 from manytouch.estimation.mechanics.surface_covariance import DisplacementCovariance
 from manytouch.estimation.mechanics.undescribed_frames import UndescribedFrames, WithoutSheet
 from manytouch.estimation.mechanics.view_motion import ViewMotion
@@ -79,6 +80,7 @@ class MechanicsEstimator:
         contact_estimator: contacts with their covariances.
         pretension: estimate of a pretension that the sensor does not state.
         thickness: estimate of the thickness of an assumed sheet.
+        open_sides: sides at which an assumed sheet goes on beyond the view.
         contact_tracker: identities of contacts.
         surface_error: covariances of the marker displacements.
         reference_drift: update of the reference while nothing touches the sheet.
@@ -101,6 +103,7 @@ class MechanicsEstimator:
     contact_estimator: ContactEstimator = field(default_factory=ContactEstimator)
     pretension: PretensionEstimator = field(default_factory=PretensionEstimator)
     thickness: ThicknessEstimator = field(default_factory=ThicknessEstimator)
+    open_sides: OpenSides = field(default_factory=OpenSides)
     contact_tracker: ContactTracker = field(default_factory=lambda: ContactTracker(confirm_frames=1))
     surface_error: DisplacementCovariance = field(default_factory=DisplacementCovariance)
     reference_drift: ReferenceDrift = field(default_factory=ReferenceDrift)
@@ -163,6 +166,7 @@ class MechanicsEstimator:
             shape=shape,
             pretension=pretension,
             thickness=self.thickness.start(sensor, sheet, pitch_mm),
+            open_sides=self.open_sides.start(),
             variants=sheet_variants(model, sheet),
             previous=EarlierClusters.none(),
             slip=SlipState(),
@@ -180,7 +184,7 @@ class MechanicsEstimator:
         if sheet is not None:
             state = self._with_sheet(state, sheet)
         after, surface, contacts = self._step(state, grid)
-        return self._update_thickness(after, grid), surface, contacts
+        return self._update_sheet(after, grid), surface, contacts
 
     def _step(self, state: MechanicsState, grid: TrackedGrid) -> tuple[MechanicsState, Surface, Contacts]:
         model, rules = state.model, self.undescribed_frames
@@ -252,35 +256,31 @@ class MechanicsEstimator:
         """The state on an assumed sheet as presses have shown it, from rest."""
         pretension = state.pretension.times(sheet.thickness_mm / state.model.thickness_mm)
         fresh = self._start(state.thickness.sensor, sheet, state.without_sheet, pretension)
-        return with_sheet_of(replace(state, thickness=replace(state.thickness, sheet=sheet)), fresh)
+        return with_sheet_of(
+            replace(state, thickness=replace(state.thickness, sheet=sheet, is_opened=False)), fresh
+        )
 
-    def _update_thickness(self, state: MechanicsState, grid: TrackedGrid) -> MechanicsState:
-        """The state with the thickness of an assumed sheet as a press shows it."""
-        now = state.thickness if state.thickness.press is not None else self._with_press(state, grid)
-        after = self.thickness.with_trials(now, self.gauss_newton, self.nominal_sheet, state.model)
-        return replace(state, thickness=after)
+    def _update_sheet(self, state: MechanicsState, grid: TrackedGrid) -> MechanicsState:
+        """The state with what presses show of an assumed sheet."""
+        rules, parts = self.undescribed_frames, (self.open_sides, self.thickness)
+        if grid.status is Status.OK and grid.is_seen.sum() >= MIN_MARKERS:
+            motion_px, press_of = rules.motion_px(grid, state.reference_px), partial(self._press, state, grid)
+            state = with_searched_press(state, grid, *parts, motion_px=motion_px, press_of=press_of)
+        return with_trials(state, *parts, SheetTrials(self.gauss_newton, self.nominal_sheet, state.model))
 
-    def _with_press(self, state: MechanicsState, grid: TrackedGrid) -> ThicknessEstimate:
-        """The estimate with the press of a frame, if it is one to search."""
-        now, rules, frames = state.thickness, self.thickness, state.tracks.touching_frames
-        is_usable = grid.status is Status.OK and grid.is_seen.sum() >= MIN_MARKERS
-        if not is_usable or frames.max(initial=0) < rules.frames:
-            return now
-        moved_px, noise_px = self.undescribed_frames.motion_px(grid, state.reference_px)
-        if not rules.is_searched(now, moved_px / state.pitch_px, noise_px / state.pitch_px):
-            return now
-        find_std_px = self.undescribed_frames.model_std_px
-        std_px = find_std_px(state.model, grid, state.reference_px, state.model_std_px)
+    def _press(self, state: MechanicsState, grid: TrackedGrid, moved_pitch: float) -> SearchedPress:
+        """The markers of a frame, to be fitted with other sheets; `moved_pitch` is their RMS motion."""
+        rules, reference_px = self.undescribed_frames, state.reference_px
+        std_px = rules.model_std_px(state.model, grid, reference_px, state.model_std_px)
         state, grid = replace(state, model_std_px=std_px), with_excess(grid, state.excess_px2)
         measured_px = self._measured_px(state, grid)
-        press = SearchedPress(
+        return SearchedPress(
             measured_px=measured_px,
             information=self.information(state, grid, measured_px),
             noise=self.marker_noise.noise_ratio(grid, std_px),
             usual_std_px=self.marker_noise.usual_std_px(std_px),
-            moved_pitch=moved_px / state.pitch_px,
+            moved_pitch=moved_pitch,
         )
-        return rules.with_press(now, press)
 
     def _measured_px(self, state: MechanicsState, grid: TrackedGrid) -> Points2:
         """(m, 2) displacements of the marker images without the motion of the views; 0 where not seen."""

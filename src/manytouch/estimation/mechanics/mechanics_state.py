@@ -8,6 +8,7 @@ from manytouch.estimation.contact_tracker import ContactTrackerState
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, EarlierClusters, PreviousContacts
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
+from manytouch.estimation.mechanics.inversion.open_sides import OpenSidesEstimate
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     ParameterResponse,
@@ -49,6 +50,7 @@ class MechanicsState:
         posterior_worst_chi2: `Fit.worst_chi2` of the last full step.
         pretension: of the sheet.
         thickness: of an assumed sheet.
+        open_sides: of an assumed sheet.
         variants: the sheet with one of its other parameters changed, for each of them.
         response: how the result of the last full step depends on pretension and other parameters; None before
             the first full step.
@@ -76,6 +78,7 @@ class MechanicsState:
     posterior_worst_chi2: float = 0.0
     pretension: PretensionEstimate
     thickness: ThicknessEstimate
+    open_sides: OpenSidesEstimate
     variants: tuple[SheetVariant, ...]
     response: ParameterResponse | None = None
     response_is_due: bool = False

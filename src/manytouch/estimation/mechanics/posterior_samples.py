@@ -53,10 +53,10 @@ class PosteriorSamples:
     def _follow(self, spline: SheetSpline) -> None:
         """Takes the sheet of a spline, if it is an assumed one that presses have shown to be another."""
         model, sheet = self._state.model, self._state.thickness.sheet
-        is_same = (model.thickness_mm, model.patch.size_mm) == (spline.thickness_mm, spline.size_mm)
-        if model.is_assumed and not is_same:
-            size_mm = read_only(np.array(spline.size_mm))
-            sheet = replace(sheet, size_mm=size_mm, thickness_mm=spline.thickness_mm)
+        outline = (spline.thickness_mm, spline.size_mm, spline.centre_mm)
+        if model.is_assumed and (model.thickness_mm, model.patch.size_mm, model.patch.centre_mm) != outline:
+            size_mm, centre_mm = (read_only(np.array(each)) for each in (spline.size_mm, spline.centre_mm))
+            sheet = replace(sheet, size_mm=size_mm, centre_mm=centre_mm, thickness_mm=spline.thickness_mm)
             self._begin(self._estimate.start(replace(self._sensor, sheet=sheet)))
 
     def __call__(self, surface: Surface, grid: TrackedGrid) -> tuple[SheetSpline, ...]:

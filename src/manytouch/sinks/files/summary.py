@@ -13,7 +13,6 @@ import numpy as np
 
 import manytouch
 from manytouch.pipeline import Pipeline
-from manytouch.sinks.border_contacts import BorderContacts
 from manytouch.sinks.clear_forces import ClearForceCount
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.hashing import result_hash
@@ -28,6 +27,7 @@ from manytouch.sinks.files.sensor_description import (
     view_mm,
 )
 from manytouch.sinks.files.tables import WITHOUT_SHEET, method_of
+from manytouch.sinks.part_of_sheet import PartOfSheet
 from manytouch.tracking.held_markers import COMPRESSED_VIDEO
 from manytouch.values import LengthUnit, Reading, Roi, Sensor, SheetSpline, Status
 from manytouch.values.display.text import count_of
@@ -73,7 +73,7 @@ class Summary:
         self._noise = RestNoise(markers)
         self.forces = ClearForceCount()
         self._end = EndShift(sensor)
-        self._border = BorderContacts(sensor)
+        self._part = PartOfSheet(sensor)
         self._seen_count = np.zeros(markers, dtype=np.int64)
         self._status: Counter[Status] = Counter()
         self._is_compressed = False
@@ -95,7 +95,7 @@ class Summary:
         self._noise.add(reading)
         self.forces.add(touching)
         self._end.add(reading)
-        self._border.add(reading)
+        self._part.add(reading)
         self._seen_count += reading.grid.is_seen
         self._status[reading.status] += 1
         self._is_compressed |= reading.grid.is_compressed
@@ -236,7 +236,7 @@ class Summary:
         sentences += [*self._added, *self._rest_warnings(), *self.forces.warnings(self._sensor)]
         if self._is_compressed:
             sentences.append(COMPRESSED_VIDEO)
-        sentences += self._border.warnings() + self._coarse_pitch()
+        sentences += self._part.warnings() + self._coarse_pitch()
         sentences += self._end.warnings(self.noise_px["median"])
         if self._recording.get("warning") is not None:
             sentences.append(str(self._recording["warning"]))

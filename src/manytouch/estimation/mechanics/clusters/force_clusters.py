@@ -274,7 +274,7 @@ class ForceClusters:
         strongest_mm2 = float(clusters.normal_mm2.max(initial=0.0))
         share = self.min_share_if_assumed if is_assumed else self.min_share
         least_mm2 = max(nodes.least_force_mm2, share * strongest_mm2)
-        is_inner = np.all(np.abs(clusters.centre_mm) <= nodes.inner_mm, axis=1)
+        is_inner = nodes.inside_mm(clusters.centre_mm) >= 0.0
         order = np.argsort(-clusters.normal_mm2, kind="stable")
         return clusters.select(order[(is_inner & (clusters.normal_mm2 >= least_mm2))[order]])
 

@@ -14,7 +14,7 @@ class ForceNodes:
         shape: (slow, fast) of the nodes.
         place_mm: (n, 2) Greville points of the nodes.
         element_mm: (2,) size of the elements.
-        inner_mm: (2,) half the size of the part in which contacts are found.
+        inner_mm: (2, 2) lower and upper limits along x and y of the part in which contacts are found.
         force_unit_mm2: pitch times thickness; thresholds of nodal forces over E are given in this unit.
         least_seen_px: root of the sum of squares of the motions of all marker images under the least normal
             force of a contact.
@@ -29,7 +29,7 @@ class ForceNodes:
     shape: tuple[int, int]
     place_mm: Float64[np.ndarray, "nodes 2"]
     element_mm: Float64[np.ndarray, "2"]
-    inner_mm: Float64[np.ndarray, "2"]
+    inner_mm: Float64[np.ndarray, "2 2"]
     force_unit_mm2: float
     least_seen_px: float
     seen_mm2_per_px: float
@@ -41,6 +41,11 @@ class ForceNodes:
     def least_force_mm2(self) -> float:
         """Least normal force of a cluster over E."""
         return self.least_seen_px * self.seen_mm2_per_px
+
+    def inside_mm(self, place_mm: Float64[np.ndarray, "k 2"]) -> Float64[np.ndarray, " k"]:
+        """Distance of places from the nearest limit of `inner_mm`; negative beyond it."""
+        low_mm, high_mm = self.inner_mm.T
+        return np.asarray(np.minimum(place_mm - low_mm, high_mm - place_mm).min(axis=1))
 
     def force_noise_mm2(self, slope: Float64[np.ndarray, "nodes 2"], std_px: float) -> float:
         """Standard deviation of a normal force over E in the middle, if it is the only one that is not known.

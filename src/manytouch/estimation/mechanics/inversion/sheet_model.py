@@ -14,7 +14,12 @@ from manytouch.mechanics.shell.shell import Shell
 from manytouch.mechanics.solver.normal_equations import NormalEquations
 from manytouch.values import Camera, Layout, Sensor, Sheet, SheetSpline
 from manytouch.values.arrays import Mask, Points2, Scalars, read_only
-from manytouch.values.sensor_file.assumed_sheet import ASSUMED_POISSON, assumed_sheet
+from manytouch.values.sensor_file.assumed_sheet import (
+    ASSUMED_POISSON,
+    Sides,
+    are_open,
+    assumed_sheet,
+)
 from manytouch.values.sensor_file.default_std import sheet_std
 
 MIN_MARKERS = 12
@@ -142,6 +147,8 @@ class NominalSheet:
             the distance to the camera.
         clamp_thickness: contacts with a centre within this distance of a clamp are left out, in thicknesses.
             A clamp line that is wrong by a third of it causes forces there.
+        open_pitch: where an assumed sheet goes on beyond the outermost markers, contacts further from these
+            are left out, in pitches.
     """
 
     poisson: float = ASSUMED_POISSON
@@ -150,6 +157,7 @@ class NominalSheet:
     max_elements: int = 1200
     least_stds: float = 6.0
     clamp_thickness: float = 1.0
+    open_pitch: float = 0.5
     outline_depth: float = 0.36
     thickness_depth: float = 0.6
     assumed_view_std: float = 0.15
@@ -182,7 +190,8 @@ class NominalSheet:
             radius_mm=layout.radius_mm,
             height_mm=layout.height_mm,
         )
-        inner_mm = 0.5 * sheet.size_mm - self.clamp_thickness * thickness_mm
+        reach_mm = 0.5 * sheet.size_mm - self.clamp_thickness * thickness_mm
+        off_mm = np.abs(patch.place_mm - np.array(patch.centre_mm))
         element_mm = np.array(patch.size_mm) / np.array(patch.elements)
         seen_mm2_per_px, compliance_per_mm = _node_responses(dots, pitch_mm)
         return InversionModel(
@@ -198,7 +207,7 @@ class NominalSheet:
                 place_mm=patch.place_mm,
                 element_mm=element_mm,
                 own_spread_mm2=element_mm**2 / 3.0 - 2.0 * shell.shear_mm2,
-                inner_mm=read_only(inner_mm),
+                inner_mm=read_only(self._inner_mm(layout, sheet, patch, reach_mm)),
                 force_unit_mm2=pitch_mm * thickness_mm,
                 least_seen_px=self.least_stds * usual_std_px,
                 seen_mm2_per_px=seen_mm2_per_px,
@@ -210,7 +219,7 @@ class NominalSheet:
             thickness_std_mm=float((sheet.is_assumed and sheet.thickness_std_mm) or np.nan),
             young_MPa=sheet.young_MPa if sensor.scale_is_known else None,
             young_relative_std=_young_relative_std(sheet),
-            is_excluded=read_only((np.abs(patch.place_mm) > inner_mm).any(axis=1)),
+            is_excluded=read_only((off_mm > reach_mm).any(axis=1)),
             is_assumed=sheet.is_assumed,
             assumed_depth_std=self._assumed_depth_std(sensor, sheet),
         )
@@ -232,10 +241,23 @@ class NominalSheet:
         longest_mm = np.maximum(longest_mm, self.min_element_thickness * thickness_mm)
         count = np.maximum(np.rint(size_mm / longest_mm), 4)
         count = np.maximum(np.floor(count * min(1.0, np.sqrt(self.max_elements / np.prod(count)))), 4)
+        centre_mm = np.zeros(2) if sheet.centre_mm is None else sheet.centre_mm
         return SplinePatch(
             size_mm=(float(size_mm[0]), float(size_mm[1])),
             elements=(int(count[0]), int(count[1])),
+            centre_mm=(float(centre_mm[0]), float(centre_mm[1])),
         )
+
+    def _inner_mm(self, layout: Layout, sheet: Sheet, patch: SplinePatch, reach_mm: Scalars) -> Sides:
+        """`ForceNodes.inner_mm`: away from the clamp, or near the markers where the sheet goes on."""
+        ends = np.array([-1.0, 1.0])
+        limits_mm: Sides = np.array(patch.centre_mm)[:, None] + ends * reach_mm[:, None]
+        if not sheet.is_assumed:
+            return limits_mm
+        half_mm = np.abs(layout.rest_mm[:, :2]).max(axis=0) + self.open_pitch * layout.pitch_mm
+        is_open = are_open(layout, sheet.size_mm, sheet.centre_mm)
+        limits_mm[is_open] = (ends * half_mm[:, None])[is_open]
+        return limits_mm
 
     def _shell(self, patch: SplinePatch, sheet: Sheet) -> Shell:
         """The shell; its pretension is 0 where E is not known."""

@@ -11,34 +11,16 @@ alike: a second line of sheets, wider and thinner ones, gives the outline.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float64
 
-from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, GaussNewton
-from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel, NominalSheet
-from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
-from manytouch.values import Sensor, Sheet
-from manytouch.values.arrays import Covariances2, Points2, read_only
-
-Pair = Float64[np.ndarray, "2"]
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class SearchedPress:
-    """The markers of a frame in which something presses the sheet; see `GaussNewton.__call__`.
-
-    Attributes:
-        measured_px: (m, 2) displacements of the marker images; any finite value where not seen.
-        information: (m, 2, 2) per px^2; 0 where not seen.
-        noise: ratio of the marker noise to the usual one.
-        usual_std_px: the usual standard deviation of the marker images.
-        moved_pitch: RMS motion of the markers, in pitches of the image.
-    """
-
-    measured_px: Points2
-    information: Covariances2
-    noise: float
-    usual_std_px: float
-    moved_pitch: float
+from manytouch.estimation.mechanics.inversion.searched_press import SearchedPress, SheetTrials
+from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
+from manytouch.values import Layout, Sensor, Sheet
+from manytouch.values.sensor_file.assumed_sheet import (
+    OPEN_MARGIN_PITCHES,
+    are_open,
+    assumed_sheet,
+    margin_pitches,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -62,10 +44,12 @@ class ThicknessEstimate:
 
     Attributes:
         sensor: of the markers.
-        assumed: the sheet before anything was estimated.
+        assumed: the sheet before its thickness was estimated.
+        is_opened: whether a side of it was opened since the model was made.
         sheet: that of the model.
         log, log_std: natural logarithm of the thickness in mm, and its standard deviation for this outline.
-        wider, wider_std: by how much each side of the outline is further outwards than assumed, in pitches.
+        wider, wider_std: by how much each side at which the sheet ends is further outwards than assumed, in
+            pitches.
         moved_pitch: `SearchedPress.moved_pitch` of the last press that was searched.
         searches: number of presses that were searched.
         press: that is searched now.
@@ -76,6 +60,7 @@ class ThicknessEstimate:
 
     sensor: Sensor
     assumed: Sheet
+    is_opened: bool = False
     sheet: Sheet
     log: float
     log_std: float
@@ -149,41 +134,57 @@ class ThicknessEstimator:
             wider_std=(sheet.outline_std_mm or 0.0) / pitch_mm,
         )
 
-    def is_searched(self, before: ThicknessEstimate, moved_pitch: float, noise_pitch: float) -> bool:
-        """Whether a frame with contacts that have lasted is searched."""
-        least = max(self.moved_pitch, self.moved_stds * noise_pitch, self.growth * before.moved_pitch)
-        return before.searches < self.most_searches and moved_pitch >= least
+    def is_clear(self, moved_pitch: float, noise_pitch: float) -> bool:
+        """Whether the RMS motion of the markers is far more than their noise."""
+        return moved_pitch >= max(self.moved_pitch, self.moved_stds * noise_pitch)
+
+    def is_searched(self, before: ThicknessEstimate, moved_pitch: float) -> bool:
+        """Whether a clear press is searched, after the ones before.
+
+        None is if the sheet goes on at all sides: its outline is not known, and far presses and thick sheets
+        move the markers alike.
+        """
+        is_next = before.searches < self.most_searches and moved_pitch >= self.growth * before.moved_pitch
+        return is_next and _ends_somewhere(before)
+
+    def with_open_sides(self, before: ThicknessEstimate, sheet: Sheet, layout: Layout) -> ThicknessEstimate:
+        """The estimate begun again with the sides open that are open in `sheet`.
+
+        What a sheet that ended there has shown of the thickness is not used.
+        """
+        is_open = are_open(layout, sheet.size_mm, sheet.centre_mm)
+        assumed = before.assumed
+        margin = margin_pitches(layout, assumed.size_mm, assumed.centre_mm)
+        margin[is_open] = OPEN_MARGIN_PITCHES
+        pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
+        return replace(self.start(before.sensor, assumed_sheet(layout, margin), pitch_mm), is_opened=True)
 
     def with_press(self, before: ThicknessEstimate, press: SearchedPress) -> ThicknessEstimate:
         """The estimate with a press whose trials follow."""
         return replace(before, press=press, origin=(before.log, before.wider), trials=(), line_std=None)
 
-    def with_trials(
-        self,
-        before: ThicknessEstimate,
-        gauss_newton: GaussNewton,
-        nominal_sheet: NominalSheet,
-        model: InversionModel,
-    ) -> ThicknessEstimate:
+    def with_trials(self, before: ThicknessEstimate, trial_of: SheetTrials) -> ThicknessEstimate:
         """The estimate with the trials of one frame; after the last one, it contains the press."""
-        now, elements = before, 0
+        now, elements, model = before, 0, trial_of.present
         while (press := now.press) is not None and elements < self.enough_elements:
             step = self._next_step(now, model.pitch_mm)
             if step is None:
                 now = self._with_line(now, press)
                 continue
-            sheet = self._sheet(now, *self._place(now, step), model.layout.pitch_mm)
-            fit, count = _fit(replace(now.sensor, sheet=sheet), press, gauss_newton, nominal_sheet, model)
-            trial = ThicknessTrial(step=step, log_cost=float(np.log(_cost(fit))), misfit=_misfit(fit, press))
+            sheet = _sheet(now, *self._place(now, step), model.layout)
+            found = trial_of(replace(now.sensor, sheet=sheet), press)
+            trial = ThicknessTrial(step=step, log_cost=found.log_cost, misfit=found.misfit)
             trials = sorted((*now.trials, trial), key=lambda each: each.step)
-            now, elements = replace(now, trials=tuple(trials)), elements + count
+            now, elements = replace(now, trials=tuple(trials)), elements + found.elements
         return now
 
     def new_sheet(self, now: ThicknessEstimate, model: InversionModel) -> Sheet | None:
         """The sheet of a new model; None if the estimate hardly differs from the present one."""
+        if now.is_opened:
+            return now.assumed
         if now.press is not None or now.searches == 0:
             return None
-        sheet = self._sheet(now, now.log, now.wider, model.layout.pitch_mm)
+        sheet = _sheet(now, now.log, now.wider, model.layout)
         std = float(np.hypot(now.log_std, self.thinner * now.wider_std))
         off = abs(now.log - float(np.log(now.sheet.thickness_mm)))
         off += self.thinner * float(np.abs((sheet.size_mm - now.sheet.size_mm) / model.pitch_mm).max())
@@ -202,11 +203,6 @@ class ThicknessEstimator:
         if now.line_std is None:
             return log + step * float(np.log(self.ratio)), wider
         return log - self.thinner * self.wider_step * step, wider + self.wider_step * step
-
-    @staticmethod
-    def _sheet(now: ThicknessEstimate, log: float, wider: float, pitch_mm: Pair) -> Sheet:
-        size_mm = read_only(now.assumed.size_mm + 2.0 * wider * pitch_mm)
-        return replace(now.assumed, size_mm=size_mm, thickness_mm=float(np.exp(log)))
 
     def _next_step(self, now: ThicknessEstimate, pitch_mm: float) -> float | None:
         """The step that is tried next; None after the last one."""
@@ -263,32 +259,19 @@ def _mean(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, 
     return (first * one[0] + second * other[0]) / (first + second), (first + second) ** -0.5
 
 
-def _fit(
-    sensor: Sensor,
-    press: SearchedPress,
-    gauss_newton: GaussNewton,
-    nominal_sheet: NominalSheet,
-    present: InversionModel,
-) -> tuple[Fit, int]:
-    """The fit from rest with a sheet and the strain of the model's pretension; its number of elements."""
-    thickness_mm = present.thickness_mm if sensor.sheet is None else sensor.sheet.thickness_mm
-    stretched_mm = present.shell.pretension_over_E_mm * thickness_mm / present.thickness_mm
-    model = nominal_sheet(sensor, press.usual_std_px, stretched_mm)
-    shape = SheetShape.at_rest(model)
-    seen = press.measured_px, press.information, press.noise
-    first = gauss_newton(model, shape, *seen, usual_std_px=press.usual_std_px)
-    # the second time with the weights of the forces that the first one has found
-    fit = gauss_newton(model, first.shape, *seen, usual_std_px=press.usual_std_px)
-    return fit, int(np.prod(model.patch.elements))
+def _sheet(now: ThicknessEstimate, log: float, wider: float, layout: Layout) -> Sheet:
+    """A sheet with another thickness and another outline, where the assumed one ends."""
+    assumed = now.assumed
+    margin = margin_pitches(layout, assumed.size_mm, assumed.centre_mm)
+    margin[~are_open(layout, assumed.size_mm, assumed.centre_mm)] += wider
+    outline = assumed_sheet(layout, margin)
+    return replace(
+        assumed, size_mm=outline.size_mm, centre_mm=outline.centre_mm, thickness_mm=float(np.exp(log))
+    )
 
 
-def _cost(fit: Fit) -> float:
-    """What `GaussNewton` minimises."""
-    pulled = np.einsum("mij,mj->mi", fit.posterior.information, fit.residual_px)
-    return float((pulled * fit.residual_px).sum() + (fit.posterior.weight * fit.balance_mm2**2).sum())
-
-
-def _misfit(fit: Fit, press: SearchedPress) -> float:
-    is_used = press.information[:, 0, 0] > 0.0
-    left, whole = (np.square(each[is_used]).sum() for each in (fit.residual_px, press.measured_px))
-    return float(np.sqrt(left / max(whole, np.finfo(np.float64).tiny)))
+def _ends_somewhere(now: ThicknessEstimate) -> bool:
+    """Whether the markers show a side at which the sheet ends."""
+    layout, assumed = now.sensor.layout, now.assumed
+    assert layout is not None
+    return not are_open(layout, assumed.size_mm, assumed.centre_mm).all()

@@ -1,0 +1,171 @@
+"""Sides at which an assumed sheet goes on beyond the outermost markers, as an image of a part of it shows.
+
+An assumed sheet is clamped about one pitch beyond its outermost markers. Where it goes on, these markers
+move more than such a sheet allows, which only forces along the clamp explain. A press that moves them is
+fitted with sheets that go on at one more side. As long as one of these costs clearly less, its side is open.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from manytouch.estimation.mechanics.inversion.searched_press import SearchedPress, SheetTrials
+from manytouch.values import Layout, Sensor, Sheet
+from manytouch.values.arrays import Mask, Points2, read_only
+from manytouch.values.sensor_file.assumed_sheet import (
+    OPEN_MARGIN_PITCHES,
+    Sides,
+    are_open,
+    assumed_sheet,
+    margin_pitches,
+)
+
+Side = tuple[int, int]
+"""Axis (0 for x, 1 for y), and 0 for its side with the lower or 1 for that with the higher coordinates."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SidesOfPress:
+    """A press that is searched for open sides.
+
+    Attributes:
+        press: the markers.
+        sensor: with the sheet that explains them best so far.
+        log_cost: of the fit with this sheet; None before it.
+        sides: that may be open.
+        trials: the logarithms of the costs with each of them open, in this order, as far as they are fitted.
+        has_opened: whether any side has been opened.
+    """
+
+    press: SearchedPress
+    sensor: Sensor
+    log_cost: float | None = None
+    sides: tuple[Side, ...]
+    trials: tuple[float, ...] = ()
+    has_opened: bool = False
+
+    @property
+    def is_done(self) -> bool:
+        """Whether nothing is left to be fitted."""
+        return not self.sides
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class OpenSidesEstimate:
+    """What is known of the sides of an assumed sheet.
+
+    Attributes:
+        tried_pitch: (2, 2) RMS motion of the outermost markers of each side in the last press in which it was
+            tried, in pitches; 0 before.
+        searched: the press that is searched now.
+    """
+
+    tried_pitch: Sides
+    searched: SidesOfPress | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class OpenSides:
+    """Parameters of the search for open sides.
+
+    Attributes:
+        outermost_pitch: markers within this distance of the outermost ones of a side count as such.
+        min_markers: sides with fewer of them are not tried.
+        moved_share: a side is tried if its outermost markers move by this share of the RMS motion of all.
+        growth: it is tried again if they move more than the last time by this factor.
+        least_gain: decrease of the logarithm of the cost that opens a side. In simulated views that cut three
+            to fifteen columns or rows off it is 0.2 to 4.9 where a press is near them, and the cost of whole
+            sheets increases by up to 0.9.
+        enough_elements: no further sheet is tried in the same frame when those of its trials have this many
+            elements, which bounds its time.
+    """
+
+    outermost_pitch: float = 0.5
+    min_markers: int = 3
+    moved_share: float = 0.25
+    growth: float = 1.8
+    least_gain: float = 0.15
+    enough_elements: int = 600
+
+    def start(self) -> OpenSidesEstimate:
+        """What is known before the first frame."""
+        return OpenSidesEstimate(tried_pitch=read_only(np.zeros((2, 2))))
+
+    def moved_pitch(self, layout: Layout, moved_px: Points2, is_seen: Mask, pitch_px: float) -> Sides:
+        """(2, 2) RMS motion of the outermost markers of each side, in pitches; 0 where few are seen."""
+        place = layout.rest_mm[:, :2] / layout.pitch_mm
+        ends = np.array([place.min(axis=0), place.max(axis=0)])
+        moved = np.zeros((2, 2))
+        for axis, side in np.ndindex(2, 2):
+            is_outermost = is_seen & (np.abs(place[:, axis] - ends[side, axis]) < self.outermost_pitch)
+            if is_outermost.sum() >= self.min_markers:
+                moved[axis, side] = np.sqrt(np.square(moved_px[is_outermost]).sum(axis=1).mean())
+        return moved / pitch_px
+
+    def tried_sides(
+        self, before: OpenSidesEstimate, sheet: Sheet, layout: Layout, moved: Sides, moved_pitch: float
+    ) -> tuple[Side, ...]:
+        """Sides of a sheet that a press shows, whose outermost markers move by `moved`, and all by
+        `moved_pitch`; none if no side moves more than when it was tried before."""
+        is_closed = ~are_open(layout, sheet.size_mm, sheet.centre_mm)
+        is_shown = is_closed & (moved > self.moved_share * moved_pitch)
+        if not (is_shown & (moved > self.growth * before.tried_pitch)).any():
+            return ()
+        return tuple((int(axis), int(side)) for axis, side in np.argwhere(is_shown))
+
+    def with_press(
+        self,
+        before: OpenSidesEstimate,
+        sensor: Sensor,
+        press: SearchedPress,
+        sides: tuple[Side, ...],
+        moved: Sides,
+    ) -> OpenSidesEstimate:
+        """The estimate with a press whose trials follow; `sensor` has the sheet of the model."""
+        tried = before.tried_pitch.copy()
+        for side in sides:
+            tried[side] = max(tried[side], moved[side])
+        searched = SidesOfPress(press=press, sensor=sensor, sides=sides)
+        return OpenSidesEstimate(tried_pitch=read_only(tried), searched=searched)
+
+    def with_trials(self, before: OpenSidesEstimate, trial_of: SheetTrials) -> OpenSidesEstimate:
+        """The estimate with the trials of one frame."""
+        now, elements = before.searched, 0
+        while now is not None and not now.is_done and elements < self.enough_elements:
+            if len(now.trials) == len(now.sides):
+                now = self._with_best(now)
+                continue
+            is_first = now.log_cost is None
+            sensor = now.sensor if is_first else with_open_side(now.sensor, now.sides[len(now.trials)])
+            trial = trial_of(sensor, now.press)
+            elements += trial.elements
+            if is_first:
+                now = replace(now, log_cost=trial.log_cost)
+            else:
+                now = replace(now, trials=(*now.trials, trial.log_cost))
+        return replace(before, searched=now)
+
+    def _with_best(self, now: SidesOfPress) -> SidesOfPress:
+        """The press after one more side is opened, or when none is."""
+        best = int(np.argmin(now.trials))
+        if now.log_cost is None or now.trials[best] > now.log_cost - self.least_gain:
+            return replace(now, sides=(), trials=())
+        return replace(
+            now,
+            sensor=with_open_side(now.sensor, now.sides[best]),
+            log_cost=now.trials[best],
+            sides=now.sides[:best] + now.sides[best + 1 :],
+            trials=(),
+            has_opened=True,
+        )
+
+
+def with_open_side(sensor: Sensor, side: Side) -> Sensor:
+    """The sensor with a sheet that goes on at one more side."""
+    layout, sheet = sensor.layout, sensor.sheet
+    assert layout is not None
+    assert sheet is not None
+    margin = margin_pitches(layout, sheet.size_mm, sheet.centre_mm)
+    margin[side] = OPEN_MARGIN_PITCHES
+    wider = assumed_sheet(layout, margin)
+    return replace(sensor, sheet=replace(sheet, size_mm=wider.size_mm, centre_mm=wider.centre_mm))
