@@ -72,7 +72,9 @@ class InteractiveIndenters:
     pressed for some seconds. Then the scene begins again.
     """
 
-    def __init__(self, scene: SolidScene, bodies: tuple[Body, ...], sheet: Sheet, fps: float) -> None:
+    def __init__(
+        self, scene: SolidScene, bodies: tuple[Body, ...], sheet: Sheet, fps: float, pitch_mm: float
+    ) -> None:
         """Nobody presses yet.
 
         Args:
@@ -80,8 +82,9 @@ class InteractiveIndenters:
             bodies: that press in it.
             sheet: the same.
             fps: frames per second.
+            pitch_mm: of the markers, which defines the regions of contacts.
         """
-        self.scene, self.bodies, self.sheet, self.fps = scene, bodies, sheet, fps
+        self.scene, self.bodies, self.sheet, self.fps, self.pitch_mm = scene, bodies, sheet, fps, pitch_mm
         self._lock = threading.Lock()
         self._held: dict[int, _Finger] = {}
         self._lifted: list[_Finger] = []
@@ -107,7 +110,8 @@ class InteractiveIndenters:
 
     def with_duration(self, duration_s: float) -> "InteractiveIndenters":
         """The same without any indenter, on a scene of another duration."""
-        return InteractiveIndenters(self.scene.with_duration(duration_s), self.bodies, self.sheet, self.fps)
+        scene = self.scene.with_duration(duration_s)
+        return InteractiveIndenters(scene, self.bodies, self.sheet, self.fps, self.pitch_mm)
 
     def motion_of(self, place_mm: Points2, height_mm: float = 0.0) -> PointMotion:
         """See `MovingSheet`; of the latest frames."""
@@ -180,7 +184,7 @@ class InteractiveIndenters:
         for finger in fingers:
             finger.ease(share)
         self._live.settle([finger.pressed for finger in fingers], max_evaluations=MAX_EVALUATIONS)
-        face = self._live.deformation()
+        face = self._live.deformation(self.pitch_mm)
         pairs = zip(fingers, face.contacts, strict=True)
         contacts = {finger.id: contact for finger, contact in pairs if contact.is_touching}
         above_mm = self.sheet.thickness_mm

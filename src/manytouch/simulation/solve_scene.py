@@ -159,6 +159,7 @@ def state_count(scene: SceneFile) -> int:
 def _solved_live(scene: SceneFile) -> Iterator[Deformation]:
     """The states at the keyframes of a scene as the live sheet finds them, each on its own."""
     sheet, thickness_mm = LiveSheet(scene.sheet), scene.sheet.thickness_mm
+    pitch_mm = float(np.sqrt(np.prod(scene.layout.pitch_mm)))
     for time_s in solid_problem(scene).time_s.tolist() if scene.bodies else ():
         bodies = [
             PosedIndenter(indenter=body.indenter, position_mm=position_mm, rotation_vector=rotation_vector)
@@ -166,7 +167,7 @@ def _solved_live(scene: SceneFile) -> Iterator[Deformation]:
         ]
         for _ in range(3):  # thickness follows from call to call
             sheet.settle(bodies, max_evaluations=MOST_STEPS)
-        yield sheet.deformation()
+        yield sheet.deformation(pitch_mm)
 
 
 def simulator(scene: SceneFile, states: tuple[Deformation, ...]) -> Simulator | ViewsSimulator:

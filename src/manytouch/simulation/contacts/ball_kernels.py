@@ -56,15 +56,16 @@ def ball_contact_energy(
         balls: that press.
         buffers: of `elastic`, whose derivatives by the fibres are added to.
         out: (5, a, b), whose derivatives by displacement, N, are added to.
-        loads: filled; `body_at` has `POINTS` places for each cell along each axis.
+        loads: filled; there are `POINTS` places for each cell along each axis.
     """
     fibre, by_fibre, half = buffers.fibre, buffers.by_fibre, bed.half_mm
     columns, rows = value.shape[1] - 1, value.shape[2] - 1
     low_x, low_y = -0.5 * columns * spacing[0], -0.5 * rows * spacing[1]
     weight = spacing[0] * spacing[1] / POINTS**2
-    resultant, body_at = loads.resultant, loads.body_at
+    resultant, body_at, normal_N = loads.resultant, loads.body_at, loads.normal_N
     resultant[:] = 0.0
     body_at[:] = -1
+    normal_N[:] = 0.0
     total = 0.0
     for ball in range(balls.radius_mm.shape[0]):
         x, y, z = balls.centre_mm[ball, 0], balls.centre_mm[ball, 1], balls.centre_mm[ball, 2]
@@ -117,4 +118,5 @@ def ball_contact_energy(
                     resultant[ball, 5] += rest_y * push[2]
                     resultant[ball, 6] += weight
                     body_at[POINTS * i + a, POINTS * j + b] = ball
+                    normal_N[POINTS * i + a, POINTS * j + b] = -push[2]
     return total

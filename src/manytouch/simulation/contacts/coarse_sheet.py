@@ -95,7 +95,9 @@ class SheetGrid:
             What the balls do, and whether equilibrium was reached.
         """
         loads = BodyLoads(
-            resultant=np.zeros((len(balls.radius_mm), 7)), body_at=np.full(self._points, -1, dtype=np.int64)
+            resultant=np.zeros((len(balls.radius_mm), 7)),
+            body_at=np.full(self._points, -1, dtype=np.int64),
+            normal_N=np.zeros(self._points),
         )
         load = plain(Load(balls=plain(balls), ball_loads=plain(loads), dead_N=dead_N))
         kept = (self._arrays, load, self._buffers, self._work)

@@ -28,7 +28,8 @@ from manytouch.simulation.contacts.kinds import (
 from manytouch.simulation.render.discs import DARK_DOTS
 from manytouch.simulation.scene.deformation import NO_CONTACT, Deformation, TrueContact
 from manytouch.simulation.scene.moving_sheet import PointMotion
-from manytouch.simulation.shell.live_sheet import body_contact
+from manytouch.simulation.scene.pressure_region import region_area
+from manytouch.simulation.shell.live_sheet import body_contact, pressed_points
 from manytouch.simulation.simulator import DEMO_LOOK, Simulator
 from manytouch.simulation.views import ViewsSimulator
 from manytouch.values import Detections, Frame, Reading, Sensor, Sheet
@@ -134,13 +135,23 @@ class _Press:
         face, found, ball = self.pressed.face, {}, 0
         for number, contact in enumerate(self.contacts):
             if isinstance(contact, Ball):
-                here = body_contact(self.pressed.energy, self.pressed.loads, ball, face)
+                here = self._true_ball(ball)
                 ball += 1
             else:
                 here = _dead_contact(contact, face, self.pressed.energy.half_mm)
             if here is not NO_CONTACT:
                 found[number] = here
         return found
+
+    def _true_ball(self, number: int) -> TrueContact:
+        """What a ball does to the sheet, with its region."""
+        pressed, layout = self.pressed, self.sensor.layout
+        assert layout is not None
+        found = body_contact(pressed.energy, pressed.loads, number, pressed.face)
+        if not found.is_touching:
+            return found
+        points = pressed_points(pressed.energy, pressed.loads, number)
+        return replace(found, region_mm2=region_area(*points, float(np.sqrt(np.prod(layout.pitch_mm)))))
 
     def simulator(self) -> Simulator | ViewsSimulator:
         """The simulated sensor under the press."""

@@ -1,21 +1,13 @@
 """The part of a solved state that images and ground truth need."""
 
 from dataclasses import replace
-from typing import Any, assert_never
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from manytouch.simulation.fem.contact.forces import TouchedFace, touched_face
 from manytouch.simulation.fem.contact.indenters import (
-    ConvexBody,
-    Fingertip,
-    Indenter,
-    LyingCylinder,
-    Ring,
-    RoundPunch,
-    Sphere,
-    SquarePunch,
     signed_distance,
 )
 from manytouch.simulation.fem.elements.mesh import HexMesh, Nodal, reference_nodes
@@ -23,11 +15,8 @@ from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.readout import FINE_POINTS, patch_shares
 from manytouch.simulation.fem.state import SheetState
 from manytouch.simulation.scene.deformation import NO_CONTACT, Deformation, TrueContact, fill_middles
-from manytouch.simulation.scene.pressure_region import region_area, second_moments
+from manytouch.simulation.scene.pressure_region import level_face_mm2, region_area, second_moments
 from manytouch.values.arrays import Mask, read_only
-
-LEVEL_RAD = 1e-3
-"""A flat face that is tilted by less than this is level."""
 
 
 def condense(
@@ -89,25 +78,12 @@ def _region(state: SheetState, loading: Loading, number: int, pitch_mm: float) -
     place_mm = np.ascontiguousarray(face.rest_mm.reshape(-1, 3)[:, :2])
     footprint_mm2 = None
     if number < len(loading.touches):
-        tilt_rad = np.abs(state.rotation_vector[number][:2]).max()
-        footprint_mm2 = _footprint_mm2(loading.touches[number].indenter) if tilt_rad < LEVEL_RAD else None
+        footprint_mm2 = level_face_mm2(loading.touches[number].indenter, state.rotation_vector[number])
     is_face = footprint_mm2 is not None and force_N.any()
     return {
         "region_mm2": footprint_mm2 if is_face else region_area(place_mm, force_N, pitch_mm),
         "moment_mm2": second_moments(place_mm, force_N),
     }
-
-
-def _footprint_mm2(indenter: Indenter) -> float | None:
-    """Area of a flat face; None of other bodies."""
-    match indenter:
-        case RoundPunch(radius_mm=radius_mm):
-            return float(np.pi * radius_mm**2)
-        case SquarePunch(side_mm=side_mm):
-            return float(np.prod(side_mm))
-        case Sphere() | Fingertip() | LyingCylinder() | ConvexBody() | Ring():
-            return None
-    assert_never(indenter)
 
 
 def plane(state: SheetState, level: int) -> Deformation:

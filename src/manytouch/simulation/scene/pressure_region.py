@@ -1,15 +1,29 @@
-"""Region and second moments of a pressure that is known point by point.
+"""Region and second moments of a pressure that is known point by point, and faces that press evenly.
 
 The region is the smallest set that carries 95 % of the normal force after smoothing by a Gaussian whose
 standard deviation is half a pitch, all in undeformed coordinates.
 """
 
+from typing import assert_never
+
 import numpy as np
 from jaxtyping import Float64
 from scipy.ndimage import gaussian_filter
 
+from manytouch.simulation.fem.contact.indenters import (
+    ConvexBody,
+    Fingertip,
+    Indenter,
+    LyingCylinder,
+    Ring,
+    RoundPunch,
+    Sphere,
+    SquarePunch,
+)
 from manytouch.values.arrays import Points2, Scalars
 
+LEVEL_RAD = 1e-3
+"""A flat face that is tilted by less than this is level."""
 SHARE = 0.95
 SMOOTHING_PITCHES = 0.5
 CELLS_PER_STD = 6.0
@@ -47,3 +61,17 @@ def second_moments(place_mm: Points2, force_N: Scalars) -> tuple[float, float, f
     off_mm = place_mm - force_N @ place_mm / total_N
     moments: Float64[np.ndarray, "2 2"] = (off_mm * force_N[:, None]).T @ off_mm / total_N
     return float(moments[0, 0]), float(moments[1, 1]), float(moments[0, 1])
+
+
+def level_face_mm2(indenter: Indenter, rotation_vector: np.ndarray) -> float | None:
+    """Area of a flat face that is level; None of other bodies."""
+    if np.abs(rotation_vector[:2]).max() >= LEVEL_RAD:
+        return None
+    match indenter:
+        case RoundPunch(radius_mm=radius_mm):
+            return float(np.pi * radius_mm**2)
+        case SquarePunch(side_mm=side_mm):
+            return float(np.prod(side_mm))
+        case Sphere() | Fingertip() | LyingCylinder() | ConvexBody() | Ring():
+            return None
+    assert_never(indenter)

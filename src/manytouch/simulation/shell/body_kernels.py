@@ -49,10 +49,12 @@ class BodyLoads(NamedTuple):
             y, N mm; undeformed area in contact, mm^2.
         body_at: (a', b') number of the body at each contact point, two along each side of a cell; -1 for
             none.
+        normal_N: (a', b') its normal force there, positive for a press; 0 without a body.
     """
 
     resultant: np.ndarray
     body_at: np.ndarray
+    normal_N: np.ndarray
 
 
 @kernel()
@@ -140,6 +142,7 @@ def contact_energy(
     here, local, push, shape = np.empty(3), np.empty(3), np.empty(3), np.empty(4)
     loads.resultant[:] = 0.0
     loads.body_at[:] = -1
+    loads.normal_N[:] = 0.0
     total = 0.0
     for body in range(bodies.kind.shape[0]):
         position, rotation, reach = bodies.position_mm[body], bodies.rotation[body], bodies.reach_mm[body]
@@ -157,7 +160,6 @@ def contact_energy(
             )
             if depth >= 0.0:
                 continue
-            loads.body_at[2 * i + quarter // 2, 2 * j + quarter % 2] = body
             total += 0.5 * stiffness * weight * depth * depth
             for k in range(3):
                 push[k] = 0.0
@@ -168,6 +170,8 @@ def contact_energy(
                     at_i, at_j = i + node // 2, j + node % 2
                     out[k, at_i, at_j] -= shape[node] * push[k]
                     by_fibre[k, at_i, at_j] -= shape[node] * half * push[k]
+            loads.body_at[2 * i + quarter // 2, 2 * j + quarter % 2] = body
+            loads.normal_N[2 * i + quarter // 2, 2 * j + quarter % 2] = -push[2]
             resultant[3] += here[0] * push[1] - here[1] * push[0]
             resultant[4] += rest_x * push[2]
             resultant[5] += rest_y * push[2]

@@ -64,7 +64,9 @@ class ContactBodies:
         )
         points = tuple(2 * (count - 1) for count in shell.shape)
         self.loads = body_kernels.BodyLoads(
-            resultant=np.zeros((len(places), 7)), body_at=np.full(points, -1, dtype=np.int64)
+            resultant=np.zeros((len(places), 7)),
+            body_at=np.full(points, -1, dtype=np.int64),
+            normal_N=np.zeros(points),
         )
 
 

@@ -11,11 +11,12 @@ from dataclasses import replace
 import numpy as np
 
 from manytouch.simulation.scene.deformation import NO_CONTACT, Deformation, TrueContact
+from manytouch.simulation.scene.pressure_region import level_face_mm2, region_area, second_moments
 from manytouch.simulation.shell.body_kernels import BodyLoads
 from manytouch.simulation.shell.energy import ContactBodies, PosedIndenter, ShellEnergy
 from manytouch.simulation.shell.minimisation import EnergyMinimiser
 from manytouch.values import Sheet
-from manytouch.values.arrays import read_only
+from manytouch.values.arrays import Points2, Scalars, read_only
 
 SPACING_MM = 2.0
 
@@ -37,7 +38,8 @@ class LiveSheet:
         self._minimiser = EnergyMinimiser(self.energy.preconditioner())
         self.value = np.zeros((5, *self.energy.shape))
         self.stretch = np.ones(self.energy.shape)
-        self._bodies = ContactBodies((), self.energy)
+        self._posed: tuple[PosedIndenter, ...] = ()
+        self.bodies = ContactBodies((), self.energy)
         self._evaluate(self.value)
 
     def settle(self, bodies: Sequence[PosedIndenter], max_evaluations: int = 14) -> bool:
@@ -52,7 +54,7 @@ class LiveSheet:
         Returns:
             Whether it is in equilibrium.
         """
-        self._bodies = ContactBodies(bodies, self.energy)
+        self._posed, self.bodies = tuple(bodies), ContactBodies(bodies, self.energy)
         self.stretch = self.energy.thickness_ratio()
         found = self._minimiser.minimise(self._evaluate, self.value, max_evaluations)
         self.value = found.value
@@ -72,15 +74,30 @@ class LiveSheet:
         self._minimiser.reset()
         self._evaluate(self.value)
 
-    def deformation(self) -> Deformation:
-        """The present camera-side face, and the contacts of the bodies, in their order."""
-        found = camera_side_face(self.energy, self.value, self.stretch)
-        bodies = range(len(self._bodies.loads.resultant))
-        contacts = tuple(body_contact(self.energy, self._bodies.loads, number, found) for number in bodies)
-        return replace(found, contacts=contacts)
+    def deformation(self, pitch_mm: float | None = None) -> Deformation:
+        """The present camera-side face, and the contacts of the bodies, in their order.
+
+        Args:
+            pitch_mm: of the markers, which defines the regions of contacts; None: they are not computed.
+        """
+        found, loads = camera_side_face(self.energy, self.value, self.stretch), self.bodies.loads
+        contacts = [body_contact(self.energy, loads, number, found) for number in range(len(self._posed))]
+        if pitch_mm is not None:
+            for number, body in enumerate(self._posed):
+                if contacts[number].is_touching:
+                    region_mm2 = self._region_mm2(number, body, pitch_mm)
+                    contacts[number] = replace(contacts[number], region_mm2=region_mm2)
+        return replace(found, contacts=tuple(contacts))
+
+    def _region_mm2(self, number: int, body: PosedIndenter, pitch_mm: float) -> float:
+        """`TrueContact.region_mm2` of a body that touches; of a level flat face its footprint."""
+        face_mm2 = level_face_mm2(body.indenter, body.rotation_vector)
+        if face_mm2 is not None:
+            return face_mm2
+        return region_area(*pressed_points(self.energy, self.bodies.loads, number), pitch_mm)
 
     def _evaluate(self, value: np.ndarray) -> tuple[float, np.ndarray]:
-        return self.energy(value, self.stretch, self._bodies)
+        return self.energy(value, self.stretch, self.bodies)
 
 
 def camera_side_face(energy: ShellEnergy, value: np.ndarray, stretch: np.ndarray) -> Deformation:
@@ -102,11 +119,9 @@ def body_contact(energy: ShellEnergy, loads: BodyLoads, number: int, face: Defor
     if resultant[2] == 0.0:
         return NO_CONTACT
     centre_mm = resultant[4:6] / resultant[2]
-    start_mm = np.array([energy.x_mm[0], energy.y_mm[0]])
-    step_mm = energy.spacing_mm * (energy.shape[0] - 1) / loads.body_at.shape[0]
-    place_mm = start_mm + (np.argwhere(loads.body_at == number) + 0.5) * step_mm
+    place_mm, normal_N = pressed_points(energy, loads, number)
     if not len(place_mm):  # another body has all of its points
-        place_mm = centre_mm[None]
+        place_mm, normal_N = centre_mm[None], np.ones(1)
     about_mm = centre_mm + face.displacement_mm(centre_mm[None])[0, :2]
     return TrueContact(
         force_N=read_only(resultant[:3].copy()),
@@ -114,4 +129,13 @@ def body_contact(energy: ShellEnergy, loads: BodyLoads, number: int, face: Defor
         area_mm2=float(resultant[6]),
         centre_mm=read_only(centre_mm),
         depth_mm=-float(face.displacement_mm(place_mm)[:, 2].min()),
+        moment_mm2=second_moments(place_mm, normal_N),
     )
+
+
+def pressed_points(energy: ShellEnergy, loads: BodyLoads, number: int) -> tuple[Points2, Scalars]:
+    """Undeformed places (n, 2) at which a body presses, and its normal forces (n,) there."""
+    start_mm = np.array([energy.x_mm[0], energy.y_mm[0]])
+    step_mm = energy.spacing_mm * (energy.shape[0] - 1) / loads.body_at.shape[0]
+    at = np.argwhere(loads.body_at == number)
+    return start_mm + (at + 0.5) * step_mm, loads.normal_N[tuple(at.T)]

@@ -1,5 +1,6 @@
 """The simulated sensor that is pressed interactively."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import count, islice
@@ -30,7 +31,9 @@ class PressedSource(Simulated):
             SourceError: the scene does not exist, or its file is invalid.
         """
         file, states = load_solved_scene(scene, width_px)
-        self._indenters = InteractiveIndenters(solid_scene(file, states), file.bodies, file.sheet, file.fps)
+        pitch_mm = math.sqrt(math.prod(file.layout.pitch_mm))
+        shown = solid_scene(file, states)
+        self._indenters = InteractiveIndenters(shown, file.bodies, file.sheet, file.fps, pitch_mm)
         self.simulator = replace(simulator(file, states), scene=self._indenters)
         self._length = None if seconds is None else round(seconds * file.fps)
         self._latest_truth: Truth | None = None

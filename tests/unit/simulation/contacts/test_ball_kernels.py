@@ -40,7 +40,8 @@ def test_forces_and_energy_are_those_of_springs_in_numpy(seed: int) -> None:
     shell.buffers.by_fibre[:] = 0.0
     slope = np.zeros_like(value)
     count = tuple(POINTS * (nodes - 1) for nodes in shell.shape)
-    loads = BodyLoads(resultant=np.zeros((2, 7)), body_at=np.zeros(count, dtype=np.int64))
+    body_at, normal_N = np.zeros(count, dtype=np.int64), np.zeros(count)
+    loads = BodyLoads(resultant=np.zeros((2, 7)), body_at=body_at, normal_N=normal_N)
     energy = ball_contact_energy(value, shell.spacing_mm, shell.bed, balls, shell.buffers, slope, loads)
 
     x_mm, y_mm = np.meshgrid(shell.x_mm, shell.y_mm, indexing="ij")

@@ -11,9 +11,10 @@ from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.scene.deformation import Deformation, undeformed
 from manytouch.simulation.scene.file import BUILT_IN, SceneFile, load_scene
 from manytouch.simulation.scene.motion import poses
+from manytouch.simulation.scene.pressure_region import region_area, second_moments
 from manytouch.simulation.shell.energy import ContactBodies, PosedIndenter, prestretch
 from manytouch.simulation.shell.kernels import power
-from manytouch.simulation.shell.live_sheet import LiveSheet
+from manytouch.simulation.shell.live_sheet import LiveSheet, pressed_points
 from manytouch.simulation.shell.minimisation import EnergyMinimiser
 from manytouch.simulation.solve_scene import shipped_states, solid_problem
 from manytouch.values import Sheet
@@ -23,6 +24,8 @@ assert FOUND is not None
 SHEET: Sheet = FOUND
 BALL = Sphere(radius_mm=6.0)
 MOST = 300
+PITCH_MM = 4.0
+"""Of the demo."""
 
 
 def ball(x_mm: float, y_mm: float, depth_mm: float, thickness_mm: float = 3.0) -> PosedIndenter:
@@ -199,6 +202,26 @@ def test_a_flat_punch_on_a_tilted_sheet_presses_on_an_edge() -> None:
     assert abs(contact.torque_Nmm) < 0.01
 
 
+def test_regions_are_those_of_the_pressure() -> None:
+    """A ball has that of its pressure, and half axes; a level flat face its footprint, a tilted one not."""
+    flat, tilt = RoundPunch(radius_mm=4.0), np.array([0.0, 0.1, 0.0])
+    bodies = [
+        ball(0.0, 0.0, 2.0),
+        replace(ball(30.0, 0.0, 2.0), indenter=flat),
+        replace(ball(-30.0, 0.0, 2.0), indenter=flat, rotation_vector=tilt),
+    ]
+    live = LiveSheet(SHEET)
+    settled(live, *bodies)
+    one, level, tilted = live.deformation(PITCH_MM).contacts
+    place_mm, normal_N = pressed_points(live.energy, live.bodies.loads, 0)
+    assert normal_N.sum() == pytest.approx(one.normal_force_N)
+    assert one.region_mm2 == region_area(place_mm, normal_N, PITCH_MM) > 2.0 * one.area_mm2
+    assert one.ellipse[0] == pytest.approx(2.0 * np.sqrt(max(second_moments(place_mm, normal_N)[:2])))
+    assert level.region_mm2 == pytest.approx(16.0 * np.pi)
+    assert tilted.region_mm2 != pytest.approx(16.0 * np.pi, rel=0.01)
+    assert np.isnan(live.deformation().contacts[0].region_mm2)
+
+
 def solid(name: str) -> tuple[SceneFile, np.ndarray, tuple[Deformation, ...]]:
     scene = load_scene(BUILT_IN / f"{name}.toml", width_px=1280)
     problem = solid_problem(scene)
@@ -228,7 +251,7 @@ def test_it_agrees_with_the_shipped_3d_states(name: str, every: int, least: int)
         ]
         live.settle(bodies, MOST)
         live.settle(bodies, MOST)
-        found = live.deformation()
+        found = live.deformation(PITCH_MM)
         off_mm = found.displacement_mm(place_mm) - state.displacement_mm(place_mm)
         peak_mm = -float(state.displacement_mm(place_mm)[:, 2].min())
         if peak_mm > 1.0:
@@ -241,6 +264,8 @@ def test_it_agrees_with_the_shipped_3d_states(name: str, every: int, least: int)
                 assert here.normal_force_N == pytest.approx(there.normal_force_N, rel=0.06)
                 assert here.depth_mm == pytest.approx(there.depth_mm, rel=0.05)
                 assert np.linalg.norm(here.centre_mm - there.centre_mm) < 0.6
+                assert here.region_mm2 == pytest.approx(there.region_mm2, rel=0.08)
+                assert here.ellipse[0] == pytest.approx(there.ellipse[0], abs=0.5)
                 forces.append(here.normal_force_N / there.normal_force_N)
     assert compared >= least
     assert abs(np.median(forces) - 1.0) < 0.015
