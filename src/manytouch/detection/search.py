@@ -155,7 +155,7 @@ class DotSearch:
         is_good = status is Status.OK and len(edge_px) >= min(FEWEST_REFERENCE_DOTS, state.markers)
         if state.reference is None and is_good:
             state = replace(state, reference=describe_reference(frame.image, found, edge_px))
-        return state, found if status is Status.OK else replace(found, status=status)
+        return state, replace(found, status=status, is_predicted=frame.is_predicted)
 
     def _select(
         self,

@@ -28,7 +28,8 @@ class HeldMarkersState:
         counted: number of frames in which so many stayed that they would show it, but not all.
         same_pictures: number of frames in a row, up to `HeldMarkers.noiseless_frames`, in which all of them
             did.
-        is_compressed: whether that share was once too large for pictures of their own.
+        is_compressed: whether that share was once too large for pictures of their own, or pictures that a
+            codec predicted have stayed the same.
     """
 
     position_px: Points2
@@ -54,7 +55,8 @@ class HeldMarkers:
             found them, so that in the first ones some move a little though the pictures are the same.
         same_share: from this share on all of them stayed.
         noiseless_frames: after so many frames in a row in which no marker moved, pictures have no noise, as
-            simulated ones may, and markers that nothing moves do not show that a video is compressed.
+            simulated ones may, and markers that nothing moves do not show that a video is compressed. Where a
+            codec predicted them (`Frame.is_predicted`), it has removed the noise: the video is compressed.
         std_px: additional errors of the centres of dots in compressed video along an axis. In H.264 of
             quality 23 (the usual one of x264), 30 and 36 they were 0.025, 0.045 and 0.08 px, in MPEG-4 of
             quality 8 0.05 px.
@@ -73,7 +75,12 @@ class HeldMarkers:
         return HeldMarkersState(position_px=read_only(np.full((markers, 2), np.nan)))
 
     def step(
-        self, state: HeldMarkersState, position_px: np.ndarray, covariance_px2: np.ndarray
+        self,
+        state: HeldMarkersState,
+        position_px: np.ndarray,
+        covariance_px2: np.ndarray,
+        *,
+        is_predicted: bool = False,
     ) -> HeldMarkersState:
         """The state after a frame, to whose covariances the error of compressed video is added if it is.
 
@@ -81,24 +88,27 @@ class HeldMarkers:
             state: after the frame before.
             position_px: (m, 2) centres; NaN where not seen.
             covariance_px2: (m, 2, 2) of them, as the pixels show; changed in place.
+            is_predicted: of the frame (`Frame.is_predicted`).
         """
         known, held = 0, 0
         if not state.is_compressed and state.same_pictures < self.noiseless_frames:
             known, held = count_held(state.position_px, position_px, covariance_px2, self.held_stds)
-        after = self._observed(state, position_px, known, held)
+        after = self._observed(state, position_px, known, held, is_predicted=is_predicted)
         if after.is_compressed:
             add_variance(covariance_px2, self.std_px**2)
         return after
 
     def _observed(
-        self, state: HeldMarkersState, position_px: Points2, known: int, held: int
+        self, state: HeldMarkersState, position_px: Points2, known: int, held: int, *, is_predicted: bool
     ) -> HeldMarkersState:
         """The state after a frame in which `held` of `known` markers stayed where they were."""
         after = replace(state, position_px=position_px)
         if known == 0:
             return after
         if held >= self.same_share * known:
-            return replace(after, same_pictures=state.same_pictures + 1)
+            same_pictures = state.same_pictures + 1
+            is_compressed = is_predicted and same_pictures == self.noiseless_frames
+            return replace(after, same_pictures=same_pictures, is_compressed=is_compressed)
         share = state.share + (held / known - state.share) / self.frames
         counted = state.counted + (held > self.max_share * known)
         is_compressed = share > self.max_share and counted >= self.least_frames

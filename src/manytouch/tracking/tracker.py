@@ -201,7 +201,14 @@ class MarkerTracker:
         if match.found == 0:
             after, measured = _state_without_match(state, match), None
         else:
-            after, measured = self._updated(state, before, dots, match, is_good=status is Status.OK)
+            after, measured = self._updated(
+                state,
+                before,
+                dots,
+                match,
+                is_good=status is Status.OK,
+                is_predicted=detections.is_predicted,
+            )
         if status is Status.OK and (match.is_shift_unresolved or (match.found > 0 and after.is_ambiguous)):
             status = Status.AMBIGUOUS_SHIFT
         seen = after.seen_count if match.found else 0
@@ -231,6 +238,7 @@ class MarkerTracker:
         match: FrameMatch,
         *,
         is_good: bool,
+        is_predicted: bool,
     ) -> tuple[MarkerTrackerState, "Measurements"]:
         """The state after a frame that showed markers, and what was measured of them."""
         from manytouch.tracking.state_update import Measurements, NextState, update_state
@@ -278,7 +286,9 @@ class MarkerTracker:
             appearance=appearance,
             appearance_difference=difference,
             learned_frames=state.learned_frames + int(is_good),
-            held=self.held_markers.step(state.held, measured.position_px, measured.covariance_px2),
+            held=self.held_markers.step(
+                state.held, measured.position_px, measured.covariance_px2, is_predicted=is_predicted
+            ),
             needs_full_search=few or motion > _MOST_MOTION_SPACINGS,
         ), measured
 

@@ -19,6 +19,7 @@ class Detections:
             polarity.
         status: `OK`, or what is wrong with the whole image: decode_error, wrong_size, dark, saturated,
             blurred.
+        is_predicted: of the frame.
     """
 
     centre_px: Points2
@@ -26,6 +27,7 @@ class Detections:
     area_px2: Scalars
     contrast: Scalars
     status: Status = Status.OK
+    is_predicted: bool = False
 
     __reduce__ = reduced
 

@@ -28,6 +28,9 @@ class Frame:
         encoded: the bytes as the camera delivered them, JPEG or PNG (`image_format`), or None.
         arrived_ns: `time.monotonic_ns` when the frame had arrived. None from a source that is not live; a
             live session or a playback then sets it, to when the frame is due or shown.
+        is_predicted: whether a codec such as H.264 predicted its pixels from those of other pictures, so that
+            they may differ less than what the camera saw. False where the source does not know; a recording
+            does not keep it.
     """
 
     index: int
@@ -36,6 +39,7 @@ class Frame:
     image: Image | None
     encoded: bytes | None = None
     arrived_ns: int | None = None
+    is_predicted: bool = False
 
     __reduce__ = reduced
 

@@ -79,6 +79,16 @@ def test_whole_image_and_windows(polarity: str, radius_px: float) -> None:
     assert (windows.contrast > 0).all()
 
 
+def test_dots_state_whether_their_pixels_are_predicted() -> None:
+    centre_px = lattice()
+    given, detect = frame(render(centre_px, 9.0, LOOKS["light"])), DotSearch()
+    state = detect.start(sensor(centre_px, 9.0))
+    for is_predicted in (True, False):
+        for expected_px in (None, centre_px):
+            state, dots = detect.step(state, replace(given, is_predicted=is_predicted), expected_px)
+            assert dots.is_predicted is is_predicted
+
+
 def test_dots_of_different_sizes() -> None:
     centre_px = lattice(60.0)
     radius_px = np.geomspace(3.0, 18.0, len(centre_px))

@@ -91,6 +91,8 @@ def test_pictures_are_the_parts_of_the_frame(sensor: Sensor) -> None:
     for view, picture in zip(view_sensors(sensor), pictures, strict=True):
         assert np.array_equal(view.picture(frame).image, picture.image)
     assert side_by_side([pictures[0], replace(pictures[1], image=None)]).image is None
+    assert not frame.is_predicted
+    assert side_by_side([pictures[0], replace(pictures[1], is_predicted=True)]).is_predicted
 
 
 def test_a_view_beside_the_sheet_is_refused_by_name(sensor: Sensor) -> None:

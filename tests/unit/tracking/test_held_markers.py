@@ -1,5 +1,7 @@
 """Compressed video is noticed by markers that stay exactly where they were."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from jaxtyping import Float64
@@ -22,10 +24,10 @@ def covariances() -> Float64[np.ndarray, "m 2 2"]:
     return np.tile(STD_PX**2 * np.eye(2), (COUNT, 1, 1))
 
 
-def after(frames: list[Images]) -> HeldMarkersState:
+def after(frames: list[Images], *, is_predicted: bool = False) -> HeldMarkersState:
     state = HELD.start(COUNT)
     for each_px in frames:
-        state = HELD.step(state, each_px.copy(), covariances())
+        state = HELD.step(state, each_px.copy(), covariances(), is_predicted=is_predicted)
         read_only(state.position_px)
     return state
 
@@ -114,11 +116,35 @@ def test_markers_that_nothing_moves_in_pictures_without_noise_do_not_show_that_a
     assert after(frames[2:]).is_compressed
 
 
+def test_pictures_that_a_codec_predicted_and_that_stay_the_same_show_that_a_video_is_compressed() -> None:
+    at_rest = [PLACE] * (HELD.noiseless_frames + 1)
+    frames = [*at_rest, *compressed(31, 1)]
+    assert not after(frames).is_compressed
+    assert after(at_rest, is_predicted=True).is_compressed
+    assert after(frames, is_predicted=True).is_compressed
+    twice = [each_px for each_px in own_pictures(60, 1) for _ in range(2)]
+    assert not after(twice, is_predicted=True).is_compressed
+    assert not after(own_pictures(60, 1), is_predicted=True).is_compressed
+
+
 def test_a_second_frame_in_which_most_markers_stay_does_not_show_that_a_video_is_compressed() -> None:
     settled = np.where(np.arange(COUNT)[:, None] % 10 == 0, PLACE + 0.002, PLACE)
     assert not after([PLACE, *[settled] * 20]).is_compressed
     pressed = PLACE + 0.5 * np.arange(20)[:, None, None]
     assert not after([PLACE, *[settled] * (1 + HELD.noiseless_frames), *pressed]).is_compressed
+
+
+@pytest.mark.parametrize("is_predicted", [False, True])
+def test_a_tracker_notices_pictures_that_a_codec_keeps(*, is_predicted: bool) -> None:
+    sensor = flat_sensor(
+        PLACE, width_px=600, height_px=500, pitch_px=PITCH_PX, radius_px=6.0, row_column=None, polarity="dark"
+    )
+    tracker = MarkerTracker()
+    state = tracker.start(sensor)
+    dots = replace(detections_of(PLACE, std_px=STD_PX, area_px2=100.0), is_predicted=is_predicted)
+    for _ in range(HELD.noiseless_frames + 1):
+        state, grid = tracker.step(state, dots)
+    assert grid.is_compressed == is_predicted
 
 
 @pytest.mark.parametrize("is_compressed", [False, True])

@@ -16,6 +16,7 @@ def side_by_side(frames: Sequence[Frame]) -> Frame:
     Without an image where one of them has none.
     """
     first, images = frames[0], [frame.image for frame in frames]
+    first = replace(first, is_predicted=any(frame.is_predicted for frame in frames))
     known = [image for image in images if image is not None]
     if len(known) < len(images):
         return replace(first, image=None, encoded=None)
@@ -73,6 +74,7 @@ def merged_detections(views: Sequence[ViewSensor], found: Sequence[Detections]) 
         area_px2=np.concatenate([each.area_px2 for each in found]),
         contrast=np.concatenate([each.contrast for each in found]),
         status=next((each.status for each in found if each.status is not Status.OK), Status.OK),
+        is_predicted=any(each.is_predicted for each in found),
     )
 
 

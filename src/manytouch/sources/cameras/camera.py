@@ -221,6 +221,7 @@ class CameraSource:
             image=shot.image,
             encoded=shot.encoded,
             arrived_ns=arrived_ns,
+            is_predicted=shot.is_predicted,
         )
 
 

@@ -18,6 +18,7 @@ from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
+from manytouch.sources.predicting_codecs import predicts_pictures
 from manytouch.sources.quiet_opencv import cv2
 from manytouch.values import Setting
 from manytouch.values.arrays import Image, read_only
@@ -58,11 +59,13 @@ class CapturedImage:
         encoded: a whole JPEG, a copy of the driver's buffer.
         driver_ns: the driver's time of the image, from any origin (`camera.ArrivalClock`); None where it has
             none.
+        is_predicted: as of a frame.
     """
 
     image: Image | None
     encoded: bytes | None
     driver_ns: int | None
+    is_predicted: bool = False
 
 
 @runtime_checkable
@@ -227,6 +230,7 @@ class OpenCvCapture:
             if name in wanted:
                 capture.set(_PROPERTY[name], wanted[name])
         self._gives_jpeg = "convert" in wanted
+        self._is_predicted = predicts_pictures(float(capture.get(cv2.CAP_PROP_FOURCC)))
 
     @property
     def settings(self) -> tuple[Setting, ...]:
@@ -275,7 +279,12 @@ class OpenCvCapture:
         if not decoded or image is None or image.size == 0:
             return None
         if not self._gives_jpeg:
-            return CapturedImage(image=read_only(image.copy()), encoded=None, driver_ns=driver_ns)
+            return CapturedImage(
+                image=read_only(image.copy()),
+                encoded=None,
+                driver_ns=driver_ns,
+                is_predicted=self._is_predicted,
+            )
         encoded = whole_jpeg(image)
         if encoded is None:  # the camera gives no JPEG: let the driver convert
             self._gives_jpeg = False

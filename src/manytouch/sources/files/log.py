@@ -113,6 +113,7 @@ class LogSource:
                 camera=self.topic.name,
                 image=image.image,
                 encoded=image.encoded,
+                is_predicted=image.is_predicted,
             )
             yield self._of_one_size(decoded(frame, is_colour=True))
 

@@ -37,11 +37,13 @@ class LogImage:
         encoded: JPEG or PNG.
         image: (h, w) grey or (h, w, 3) BGR, uint8, or uint16 of the encodings mono16 and 16UC1. The pixels of
             a Bayer pattern are returned as they are, as a grey image without interpolation of the colours.
+        is_predicted: as of a frame.
     """
 
     time_ns: int
     encoded: bytes | None = None
     image: Image | None = None
+    is_predicted: bool = False
 
 
 ImageDecoder = Callable[[bytes], Iterator[LogImage]]
@@ -95,7 +97,7 @@ class _Video:
             time_ns = self._times_ns.pop(0) if self._times_ns else time_ns
             fits = size_mistake(frame.width, frame.height) is None
             image = read_only(frame.to_ndarray(format="bgr24")) if fits else None
-            yield LogImage(time_ns=time_ns, image=image)
+            yield LogImage(time_ns=time_ns, image=image, is_predicted=True)
 
 
 def _foxglove_image(data: bytes) -> Iterator[LogImage]:

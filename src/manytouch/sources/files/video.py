@@ -8,6 +8,7 @@ from pathlib import Path
 from manytouch.errors import SourceError
 from manytouch.limits import size_mistake
 from manytouch.sources.files.containers import Container, read_container
+from manytouch.sources.predicting_codecs import predicts_pictures
 from manytouch.sources.quiet_opencv import cv2
 from manytouch.sources.source import ASSUMED_FPS, Capabilities, evenly_timed_ns
 from manytouch.values import Frame
@@ -37,6 +38,7 @@ class VideoSource:
         is_rate_given: timestamps follow `fps` instead of the container.
         frame_count: frames that the file announces; None when it announces none.
         width_px, height_px: size of its first frame.
+        is_predicted: of its frames.
     """
 
     name: str
@@ -46,6 +48,7 @@ class VideoSource:
     frame_count: int | None
     width_px: int
     height_px: int
+    is_predicted: bool
 
     @property
     def is_live(self) -> bool:
@@ -83,7 +86,13 @@ class VideoSource:
             index += 1
 
     def _frame(self, index: int, timestamp_ns: int, image: object) -> Frame:
-        return Frame(index=index, timestamp_ns=timestamp_ns, camera=self.name, image=image)  # type: ignore[arg-type]
+        return Frame(
+            index=index,
+            timestamp_ns=timestamp_ns,
+            camera=self.name,
+            image=image,  # type: ignore[arg-type]
+            is_predicted=self.is_predicted,
+        )
 
     def _failures_allowed(self, index: int) -> int:
         """How many reads in a row may fail: a decoder fails on every packet of a damaged stretch."""
@@ -179,6 +188,7 @@ def video_source(path: Path, fps: float | None) -> VideoSource:
             raise error
         rate = capture.get(cv2.CAP_PROP_FPS)
         announced = capture.get(cv2.CAP_PROP_FRAME_COUNT)
+        is_predicted = predicts_pictures(capture.get(cv2.CAP_PROP_FOURCC))
     finally:
         capture.release()
     return VideoSource(
@@ -189,6 +199,7 @@ def video_source(path: Path, fps: float | None) -> VideoSource:
         frame_count=int(announced) if math.isfinite(announced) and 0 < announced <= MOST_FRAMES else None,
         width_px=image.shape[1],
         height_px=image.shape[0],
+        is_predicted=is_predicted,
     )
 
 

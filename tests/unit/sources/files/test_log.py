@@ -110,6 +110,7 @@ def test_images_of_foxglove_at_the_times_of_their_messages(tmp_path: Path) -> No
     assert (source.name, source.width_px, source.height_px, source.frame_count) == ("log", 80, 60, 6)
     assert source.fps == pytest.approx(25.0)
     assert levels(source) == [60, 80, 100, 120, 140, 160]
+    assert not any(frame.is_predicted for frame in source)
     assert [frame.timestamp_ns for frame in source] == [index * STEP_NS for index in range(6)]
     assert next(iter(open_source(path, fps=10.0))).timestamp_ns == 0
     assert [frame.timestamp_ns for frame in open_source(path, fps=10.0)][1] == 100_000_000
@@ -118,8 +119,9 @@ def test_images_of_foxglove_at_the_times_of_their_messages(tmp_path: Path) -> No
 @pytest.mark.parametrize(("name", "codec"), [("vp9", "libvpx-vp9"), ("h264", "libx264"), ("h265", "libx265")])
 def test_compressed_video_frame_by_frame(tmp_path: Path, name: str, codec: str) -> None:
     messages = [CompressedVideo(format=name, data=packet) for packet in encoded_frames(codec)]
-    found = levels(open_source(mcap_file(tmp_path / "log.mcap", camera=messages)))
-    assert found == pytest.approx([60, 80, 100, 120, 140, 160], abs=4)
+    source = open_source(mcap_file(tmp_path / "log.mcap", camera=messages))
+    assert levels(source) == pytest.approx([60, 80, 100, 120, 140, 160], abs=4)
+    assert all(frame.is_predicted for frame in source)
 
 
 def test_raw_images_of_several_encodings(tmp_path: Path) -> None:

@@ -58,6 +58,7 @@ def test_a_healthy_video_gives_every_frame(videos: dict[str, Path], name: str) -
     assert source.name == frames[0].camera == name[0]
     assert numbers(list(source)) == list(range(COUNT))
     assert not frames[0].image.flags.writeable
+    assert all(frame.is_predicted == (KINDS[name] == "mp4v") for frame in frames)
     assert frames[0].image.base is None
 
 
