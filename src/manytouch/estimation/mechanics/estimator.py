@@ -17,6 +17,7 @@ from manytouch.errors import SensorError
 from manytouch.estimation.bonded_protocol import BondedEstimator
 from manytouch.estimation.contact_tracker import ContactTracker
 from manytouch.estimation.excess_noise import ExcessNoise
+from manytouch.estimation.mechanics import sheet_updates
 from manytouch.estimation.mechanics.clusters.evidence import ForcePosterior
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, EarlierClusters, ForceClusters
 from manytouch.estimation.mechanics.clusters.friction_fits import Friction, FrictionFits
@@ -39,13 +40,6 @@ from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
 from manytouch.estimation.mechanics.inversion.thickness import ThicknessEstimator
 from manytouch.estimation.mechanics.marker_noise import MarkerNoise, marker_variances_px2, with_excess
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState
-from manytouch.estimation.mechanics.sheet_updates import (
-    with_pretension,
-    with_response,
-    with_searched_press,
-    with_sheet_of,
-    with_trials,
-)
 from manytouch.estimation.mechanics.surface_covariance import DisplacementCovariance
 from manytouch.estimation.mechanics.undescribed_frames import UndescribedFrames, WithoutSheet
 from manytouch.estimation.mechanics.view_motion import ViewMotion
@@ -215,7 +209,7 @@ class MechanicsEstimator:
         """A frame that the sheet describes: its contacts are the clusters of the forces of the fit."""
         model, status, earlier_response = state.model, grid.status, state.response
         noise = self.marker_noise.noise_ratio(grid, state.model_std_px)
-        state = with_response(state, fit)
+        state = sheet_updates.with_response(state, fit)
         forces = ForcePosterior(model, fit)
         clusters = self._clusters(state, fit, forces, noise=noise)
         shape = forces.unbiased_shape(clusters.fitted_mm2)
@@ -249,37 +243,41 @@ class MechanicsEstimator:
             at_rest = self.undescribed_frames.at_rest(model, after.without_sheet, grid)
             after = replace(after, without_sheet=at_rest)
         if state.response is not earlier_response and status is Status.OK and contacts.touching:
-            after = with_pretension(after, self.pretension, fit, clusters)
+            after = sheet_updates.with_pretension(after, self.pretension, fit, clusters)
         return after, with_contact_pressures(surface, model.nodes, clusters, contacts), contacts
 
     def _with_sheet(self, state: MechanicsState, sheet: Sheet) -> MechanicsState:
         """The state on an assumed sheet as presses have shown it, from rest."""
         pretension = state.pretension.times(sheet.thickness_mm / state.model.thickness_mm)
         fresh = self._start(state.thickness.sensor, sheet, state.without_sheet, pretension)
-        return with_sheet_of(
-            replace(state, thickness=replace(state.thickness, sheet=sheet, is_opened=False)), fresh
-        )
+        shown = replace(state.thickness, sheet=sheet, is_opened=False)
+        return sheet_updates.with_sheet_of(replace(state, thickness=shown), fresh)
 
     def _update_sheet(self, state: MechanicsState, grid: TrackedGrid) -> MechanicsState:
         """The state with what presses show of an assumed sheet."""
         rules, parts = self.undescribed_frames, (self.open_sides, self.thickness)
         if grid.status is Status.OK and grid.is_seen.sum() >= MIN_MARKERS:
             motion_px, press_of = rules.motion_px(grid, state.reference_px), partial(self._press, state, grid)
-            state = with_searched_press(state, grid, *parts, motion_px=motion_px, press_of=press_of)
-        return with_trials(state, *parts, SheetTrials(self.gauss_newton, self.nominal_sheet, state.model))
+            state = sheet_updates.with_press(state, grid, *parts, motion_px=motion_px, press_of=press_of)
+        return sheet_updates.with_trials(
+            state, *parts, SheetTrials(self.gauss_newton, self.nominal_sheet, state.model)
+        )
 
     def _press(self, state: MechanicsState, grid: TrackedGrid, moved_pitch: float) -> SearchedPress:
         """The markers of a frame, to be fitted with other sheets; `moved_pitch` is their RMS motion."""
-        rules, reference_px = self.undescribed_frames, state.reference_px
-        std_px = rules.model_std_px(state.model, grid, reference_px, state.model_std_px)
+        std_px = self.undescribed_frames.model_std_px(
+            state.model, grid, state.reference_px, state.model_std_px
+        )
         state, grid = replace(state, model_std_px=std_px), with_excess(grid, state.excess_px2)
         measured_px = self._measured_px(state, grid)
+        is_outer = grid.is_seen & self.open_sides.outermost(state.model.layout).any(axis=(0, 1))
         return SearchedPress(
             measured_px=measured_px,
             information=self.information(state, grid, measured_px),
             noise=self.marker_noise.noise_ratio(grid, std_px),
             usual_std_px=self.marker_noise.usual_std_px(std_px),
             moved_pitch=moved_pitch,
+            view_px=self.view_motion(state.reference_px, measured_px, 0.0 * measured_px, is_outer),
         )
 
     def _measured_px(self, state: MechanicsState, grid: TrackedGrid) -> Points2:

@@ -55,7 +55,7 @@ def with_pretension(
     )
 
 
-def with_searched_press(
+def with_press(
     state: MechanicsState,
     grid: TrackedGrid,
     open_sides: OpenSides,
@@ -101,8 +101,9 @@ def with_trials(
     searched, now = sides.searched, state.thickness
     if searched is None or not searched.is_done:
         return replace(state, open_sides=sides)
-    if searched.has_opened and searched.sensor.sheet is not None:
-        now = thickness.with_open_sides(now, searched.sensor.sheet, state.model.layout)
+    sheet = open_sides.opened_sheet(searched)
+    if sheet is not None:
+        now = thickness.with_open_sides(now, sheet, state.model.layout)
     return replace(state, open_sides=replace(sides, searched=None), thickness=now)
 
 

@@ -8,8 +8,9 @@ fitted with sheets that go on at one more side. As long as one of these costs cl
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Bool
 
-from manytouch.estimation.mechanics.inversion.searched_press import SearchedPress, SheetTrials
+from manytouch.estimation.mechanics.inversion.searched_press import SearchedPress, SheetTrial, SheetTrials
 from manytouch.values import Layout, Sensor, Sheet
 from manytouch.values.arrays import Mask, Points2, read_only
 from manytouch.values.sensor_file.assumed_sheet import (
@@ -31,17 +32,18 @@ class SidesOfPress:
     Attributes:
         press: the markers.
         sensor: with the sheet that explains them best so far.
-        log_cost: of the fit with this sheet; None before it.
+        log_cost, misfit: of the fit with this sheet (`SheetTrial`); None before it.
         sides: that may be open.
-        trials: the logarithms of the costs with each of them open, in this order, as far as they are fitted.
-        has_opened: whether any side has been opened.
+        trials: with each of them open, in this order, as far as they are fitted.
+        has_opened: whether any side was opened.
     """
 
     press: SearchedPress
     sensor: Sensor
     log_cost: float | None = None
+    misfit: float | None = None
     sides: tuple[Side, ...]
-    trials: tuple[float, ...] = ()
+    trials: tuple[SheetTrial, ...] = ()
     has_opened: bool = False
 
     @property
@@ -76,6 +78,8 @@ class OpenSides:
         least_gain: decrease of the logarithm of the cost that opens a side. In simulated views that cut three
             to fifteen columns or rows off it is 0.2 to 4.9 where a press is near them, and the cost of whole
             sheets increases by up to 0.9.
+        most_misfit: largest RMS residual over the RMS motion of the markers with the best sheet; a press that
+            no sheet describes, such as one of a pad, opens nothing.
         enough_elements: no further sheet is tried in the same frame when those of its trials have this many
             elements, which bounds its time.
     """
@@ -85,6 +89,7 @@ class OpenSides:
     moved_share: float = 0.25
     growth: float = 1.8
     least_gain: float = 0.15
+    most_misfit: float = 0.07
     enough_elements: int = 600
 
     def start(self) -> OpenSidesEstimate:
@@ -93,14 +98,17 @@ class OpenSides:
 
     def moved_pitch(self, layout: Layout, moved_px: Points2, is_seen: Mask, pitch_px: float) -> Sides:
         """(2, 2) RMS motion of the outermost markers of each side, in pitches; 0 where few are seen."""
+        moved, outermost = np.zeros((2, 2)), self.outermost(layout) & is_seen
+        for side in np.ndindex(2, 2):
+            if outermost[side].sum() >= self.min_markers:
+                moved[side] = np.sqrt(np.square(moved_px[outermost[side]]).sum(axis=1).mean())
+        return moved / pitch_px
+
+    def outermost(self, layout: Layout) -> Bool[np.ndarray, "2 2 m"]:
+        """Whether each marker is one of the outermost ones of each side."""
         place = layout.rest_mm[:, :2] / layout.pitch_mm
         ends = np.array([place.min(axis=0), place.max(axis=0)])
-        moved = np.zeros((2, 2))
-        for axis, side in np.ndindex(2, 2):
-            is_outermost = is_seen & (np.abs(place[:, axis] - ends[side, axis]) < self.outermost_pitch)
-            if is_outermost.sum() >= self.min_markers:
-                moved[axis, side] = np.sqrt(np.square(moved_px[is_outermost]).sum(axis=1).mean())
-        return moved / pitch_px
+        return np.asarray(np.abs(place.T[:, None] - ends.T[:, :, None]) < self.outermost_pitch)
 
     def tried_sides(
         self, before: OpenSidesEstimate, sheet: Sheet, layout: Layout, moved: Sides, moved_pitch: float
@@ -128,6 +136,11 @@ class OpenSides:
         searched = SidesOfPress(press=press, sensor=sensor, sides=sides)
         return OpenSidesEstimate(tried_pitch=read_only(tried), searched=searched)
 
+    def opened_sheet(self, searched: SidesOfPress) -> Sheet | None:
+        """The sheet with the sides open that a press has opened, after its trials; None if there is none."""
+        is_sheet = searched.misfit is not None and searched.misfit <= self.most_misfit
+        return searched.sensor.sheet if searched.has_opened and is_sheet else None
+
     def with_trials(self, before: OpenSidesEstimate, trial_of: SheetTrials) -> OpenSidesEstimate:
         """The estimate with the trials of one frame."""
         now, elements = before.searched, 0
@@ -135,25 +148,27 @@ class OpenSides:
             if len(now.trials) == len(now.sides):
                 now = self._with_best(now)
                 continue
-            is_first = now.log_cost is None
-            sensor = now.sensor if is_first else with_open_side(now.sensor, now.sides[len(now.trials)])
-            trial = trial_of(sensor, now.press)
-            elements += trial.elements
-            if is_first:
-                now = replace(now, log_cost=trial.log_cost)
-            else:
-                now = replace(now, trials=(*now.trials, trial.log_cost))
+            if now.log_cost is None:
+                found = trial_of(now.sensor, now.press), trial_of(now.sensor, now.press.without_view_motion())
+                best = min(found, key=lambda trial: trial.log_cost)
+                now, elements = replace(now, log_cost=best.log_cost, misfit=best.misfit), best.elements
+                continue
+            trial = trial_of(with_open_side(now.sensor, now.sides[len(now.trials)]), now.press)
+            now, elements = replace(now, trials=(*now.trials, trial)), elements + trial.elements
         return replace(before, searched=now)
 
     def _with_best(self, now: SidesOfPress) -> SidesOfPress:
         """The press after one more side is opened, or when none is."""
-        best = int(np.argmin(now.trials))
-        if now.log_cost is None or now.trials[best] > now.log_cost - self.least_gain:
+        best = int(np.argmin([trial.log_cost for trial in now.trials]))
+        found = now.trials[best]
+        is_better = now.log_cost is not None and found.log_cost <= now.log_cost - self.least_gain
+        if not is_better:
             return replace(now, sides=(), trials=())
         return replace(
             now,
             sensor=with_open_side(now.sensor, now.sides[best]),
-            log_cost=now.trials[best],
+            log_cost=found.log_cost,
+            misfit=found.misfit,
             sides=now.sides[:best] + now.sides[best + 1 :],
             trials=(),
             has_opened=True,

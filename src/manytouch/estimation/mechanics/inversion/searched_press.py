@@ -5,7 +5,7 @@ forces: forces everywhere explain any residuals of a sheet that is too thin or e
 residuals alone do not show it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,7 @@ class SearchedPress:
         noise: ratio of the marker noise to the usual one.
         usual_std_px: the usual standard deviation of the marker images.
         moved_pitch: RMS motion of the markers, in pitches of the image.
+        view_px: (m, 2) motion of the whole image, if the outermost markers are nearly still on the sheet.
     """
 
     measured_px: Points2
@@ -33,6 +34,11 @@ class SearchedPress:
     noise: float
     usual_std_px: float
     moved_pitch: float
+    view_px: Points2
+
+    def without_view_motion(self) -> "SearchedPress":
+        """The press without the motion of the whole image."""
+        return replace(self, measured_px=self.measured_px - self.view_px)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -9,6 +9,7 @@ from bent_sheets import PITCH_MM, bent
 from layouts import grid_at, lattice_layout
 from manytouch.estimation import MechanicsEstimator
 from manytouch.estimation.mechanics.inversion.open_sides import OpenSides
+from manytouch.estimation.mechanics.inversion.searched_press import SearchedPress, SheetTrials
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.camera import project
 from manytouch.values import Sensor, Sheet, TrackedGrid
@@ -128,3 +129,40 @@ def test_motion_of_the_outermost_markers() -> None:
     np.testing.assert_allclose(moved, [[0.3, 0.0], [0.15, 0.15]])
     is_seen[4] = False
     assert OpenSides().moved_pitch(layout, moved_px, is_seen, 10.0)[0, 0] == 0.0
+
+
+@pytest.mark.parametrize("shift_px", [0.1, 0.4])
+def test_a_camera_that_moves_opens_no_side(shift_px: float) -> None:
+    sensor = replace(whole_sheet(), sheet=None)
+    state = ESTIMATE.start(sensor)
+    grids, _ = grids_of((4.0, 3.0), 0.1, part=False)
+    for number, grid in enumerate(grids):
+        moved_px = grid.position_px + (shift_px * np.array([1.0, 0.6]) if number else 0.0)
+        state, surface, _ = ESTIMATE.step(state, replace(grid, position_px=moved_px))
+    assert surface.spline is not None
+    assert state.open_sides.tried_pitch.max() > 0.0
+    assert not are_open(sensor.layout, surface.spline.size_mm, surface.spline.centre_mm).any()
+
+
+def test_a_press_that_no_sheet_describes_opens_no_side() -> None:
+    rules, sensor = OpenSides(), replace(left_part(), sheet=assumed_sheet(left_part().layout))
+    grids, _ = grids_of((0.0, 3.0), 1.0, part=True)
+    press = SearchedPress(
+        measured_px=grids[1].position_px - grids[0].position_px,
+        information=np.tile(np.eye(2) / 0.02**2, (len(grids[0].position_px), 1, 1)),
+        noise=1.0,
+        usual_std_px=0.02,
+        moved_pitch=0.05,
+        view_px=np.zeros_like(grids[0].position_px),
+    )
+    model = ESTIMATE.start(sensor).model
+    trial_of = SheetTrials(ESTIMATE.gauss_newton, ESTIMATE.nominal_sheet, model)
+    estimate = rules.with_press(rules.start(), sensor, press, ((0, 1),), np.full((2, 2), 0.1))
+    for _ in range(4):
+        estimate = rules.with_trials(estimate, trial_of)
+    searched = estimate.searched
+    assert searched is not None
+    assert searched.is_done
+    assert searched.has_opened
+    assert rules.opened_sheet(searched) is not None
+    assert rules.opened_sheet(replace(searched, misfit=0.08)) is None
