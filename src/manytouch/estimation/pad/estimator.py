@@ -317,10 +317,10 @@ class PadEstimator:
     def _measured(self, state: PadState, grid: TrackedGrid) -> MeasuredImages:
         moved_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
         linear_px = np.einsum("mij,mj->mi", state.model.slope_px, state.displacement_mm)
-        noise_px2 = np.where(grid.is_seen, 0.5 * np.trace(grid.covariance_px2, axis1=1, axis2=2), 1.0)
-        noise_px2 += state.excess_px2
+        noise_px2 = 0.5 * np.trace(grid.covariance_px2, axis1=1, axis2=2) + state.excess_px2
+        noise_px2[~grid.is_seen] = median(noise_px2[grid.is_seen])
         larger_px2 = np.maximum((moved_px**2).sum(axis=1), (linear_px**2).sum(axis=1))
-        std_px = np.sqrt(noise_px2 + self.image_error(state.model, state.around, larger_px2))
+        std_px = np.sqrt(noise_px2 + self.image_error(state.model, state.around, larger_px2, noise_px2))
         # a marker that moves like its neighbours is no outlier, also where the model does not explain it:
         # else those under a contact would be lost first
         neighbour = state.neighbours.index
@@ -330,7 +330,7 @@ class PadEstimator:
         ]
         moved_mm = state.model.pitch_mm / state.model.pitch_px * moved_px
         local_pitch = float(self.local_motion(state.groups, moved_mm, grid.is_seen).max())
-        noise_pitch = float(np.sqrt(median(noise_px2[grid.is_seen]))) / state.model.pitch_px
+        noise_pitch = float(np.sqrt(median(noise_px2))) / state.model.pitch_px
         return MeasuredImages(
             moved_px=moved_px,
             gate=np.maximum(*gates),

@@ -452,6 +452,19 @@ def _strength(share: float) -> np.ndarray:
     return np.where(np.isin(np.arange(10), (5, 6, 7, 8)), share, 1.0)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_faint_press_is_found_where_the_noise_is_little(pad_state: PadState, seed: int) -> None:
+    """It moves markers by up to .04 px, 1.8e-3 of the pitch."""
+    faint_px = pressed_px(pad_state, ONE * _strength(0.03))
+    state = pad_state
+    for number in range(2):
+        grid = grid_at(faint_px, noise_px=0.005, std_px=0.005, seed=2 * seed + number)
+        state, _, contacts = ESTIMATE.step(state, grid)
+    (found,) = contacts.touching
+    assert np.linalg.norm(found.centre_mm - ONE[0, :2]) < 0.5
+    assert found.normal_force_over_E_mm2 == pytest.approx(0.03 * ONE[0, 5], rel=0.4)
+
+
 def test_no_region_is_beyond_the_pad(pad_state: PadState) -> None:
     near_side = np.array([[10.5, 8.0, 1.6, 0.0, 1.6, 6.0, 0.0, 0.0, 0.0, -0.06]])
     (found,) = steps(pad_state, pressed_px(pad_state, near_side))[2].touching
