@@ -269,7 +269,7 @@ class MechanicsEstimator:
             state.model, grid, state.reference_px, state.model_std_px
         )
         state, grid = replace(state, model_std_px=std_px), with_excess(grid, state.excess_px2)
-        measured_px = self._measured_px(state, grid)
+        measured_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
         is_outer = grid.is_seen & self.open_sides.outermost(state.model.layout).any(axis=(0, 1))
         return SearchedPress(
             measured_px=measured_px,
@@ -277,7 +277,7 @@ class MechanicsEstimator:
             noise=self.marker_noise.noise_ratio(grid, std_px),
             usual_std_px=self.marker_noise.usual_std_px(std_px),
             moved_pitch=moved_pitch,
-            view_px=self.view_motion(state.reference_px, measured_px, 0.0 * measured_px, is_outer),
+            view_px=self.view_motion(state.reference_px, measured_px, state.shape.displacement_px, is_outer),
         )
 
     def _measured_px(self, state: MechanicsState, grid: TrackedGrid) -> Points2:

@@ -88,7 +88,8 @@ def with_press(
         return replace(state, open_sides=searched)
     if not thickness.is_searched(state.thickness, moved):
         return state
-    return replace(state, thickness=thickness.with_press(state.thickness, press_of(moved)))
+    press = press_of(moved).without_view_motion() if state.is_at_clamp.any() else press_of(moved)
+    return replace(state, thickness=thickness.with_press(state.thickness, press))
 
 
 def with_trials(

@@ -600,3 +600,22 @@ def test_the_depth_of_a_contact_is_less_certain_where_its_face_is_not_resolved(m
         (contact,) = read([grid_of(model, pressed, seed=k) for k in range(6)])[2].touching
         relative.append(contact.std("depth") / contact.depth_mm)
     assert relative[1] > 1.15 * relative[0]
+
+
+def test_a_camera_that_moves_before_an_assumed_sheet() -> None:
+    """The markers along the clamp show the motion; without it, contacts along the clamp explained it."""
+    known = sensor_of(young_MPa=2.0)
+    model = ESTIMATE.start(known).model
+    shape = bent(model, (-10.0, 5.0, 0.5))
+    state = ESTIMATE.start(replace(known, sheet=assumed_sheet(known.layout)))
+    chance = np.random.default_rng(0)
+    for number in range(30):
+        grid = grid_of(model, shape if number > 4 else np.zeros_like(shape), seed=number)
+        shift_px, turn_rad = chance.normal(0.0, 0.6, 2), chance.normal(0.0, 5e-4)
+        arm_px = grid.position_px - 800.0
+        turned_px = turn_rad * np.column_stack([-arm_px[:, 1], arm_px[:, 0]])
+        moved_px = grid.position_px + (shift_px + turned_px if number > 1 else 0.0)
+        state, _, contacts = ESTIMATE.step(state, replace(grid, position_px=moved_px))
+        if number > 6:
+            (contact,) = contacts.touching
+            np.testing.assert_allclose(contact.centre_mm, [-10.0, 5.0], atol=0.5)

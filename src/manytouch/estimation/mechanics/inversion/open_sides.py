@@ -30,12 +30,13 @@ class SidesOfPress:
     """A press that is searched for open sides.
 
     Attributes:
-        press: the markers.
+        press: the markers, without the motion of the whole image if the sheet explains them better so.
         sensor: with the sheet that explains them best so far.
         log_cost, misfit: of the fit with this sheet (`SheetTrial`); None before it.
         sides: that may be open.
         trials: with each of them open, in this order, as far as they are fitted.
         has_opened: whether any side was opened.
+        least_gain: `OpenSides.least_gain`, or `least_gain_if_moved` without that motion.
     """
 
     press: SearchedPress
@@ -45,6 +46,7 @@ class SidesOfPress:
     sides: tuple[Side, ...]
     trials: tuple[SheetTrial, ...] = ()
     has_opened: bool = False
+    least_gain: float = 0.0
 
     @property
     def is_done(self) -> bool:
@@ -75,7 +77,8 @@ class OpenSides:
         min_markers: sides with fewer of them are not tried.
         moved_share: a side is tried if its outermost markers move by this share of the RMS motion of all.
         growth: it is tried again if they move more than the last time by this factor.
-        least_gain: decrease of the logarithm of the cost that opens a side. In simulated views that cut three
+        least_gain, least_gain_if_moved: decrease of the logarithm of the cost that opens a side; the second
+            one where the image has moved, which is not known exactly. In simulated views that cut three
             to fifteen columns or rows off it is 0.2 to 4.9 where a press is near them, and the cost of whole
             sheets increases by up to 0.9.
         most_misfit: largest RMS residual over the RMS motion of the markers with the best sheet; a press that
@@ -89,6 +92,7 @@ class OpenSides:
     moved_share: float = 0.25
     growth: float = 1.8
     least_gain: float = 0.15
+    least_gain_if_moved: float = 0.3
     most_misfit: float = 0.07
     enough_elements: int = 600
 
@@ -149,9 +153,15 @@ class OpenSides:
                 now = self._with_best(now)
                 continue
             if now.log_cost is None:
-                found = trial_of(now.sensor, now.press), trial_of(now.sensor, now.press.without_view_motion())
-                best = min(found, key=lambda trial: trial.log_cost)
-                now, elements = replace(now, log_cost=best.log_cost, misfit=best.misfit), best.elements
+                presses = now.press, now.press.without_view_motion()
+                found = [trial_of(now.sensor, press) for press in presses]
+                best = int(np.argmin([trial.log_cost for trial in found]))
+                chosen = found[best]
+                gain = (self.least_gain, self.least_gain_if_moved)[best]
+                now = replace(
+                    now, press=presses[best], log_cost=chosen.log_cost, misfit=chosen.misfit, least_gain=gain
+                )
+                elements += 2 * chosen.elements
                 continue
             trial = trial_of(with_open_side(now.sensor, now.sides[len(now.trials)]), now.press)
             now, elements = replace(now, trials=(*now.trials, trial)), elements + trial.elements
@@ -161,7 +171,7 @@ class OpenSides:
         """The press after one more side is opened, or when none is."""
         best = int(np.argmin([trial.log_cost for trial in now.trials]))
         found = now.trials[best]
-        is_better = now.log_cost is not None and found.log_cost <= now.log_cost - self.least_gain
+        is_better = now.log_cost is not None and found.log_cost <= now.log_cost - now.least_gain
         if not is_better:
             return replace(now, sides=(), trials=())
         return replace(

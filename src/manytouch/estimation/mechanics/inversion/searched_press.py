@@ -21,12 +21,13 @@ class SearchedPress:
     """The markers of a frame in which something presses the sheet; see `GaussNewton.__call__`.
 
     Attributes:
-        measured_px: (m, 2) displacements of the marker images; any finite value where not seen.
+        measured_px: (m, 2) displacements of the marker images, also by a motion of the whole image; any
+            finite value where not seen.
         information: (m, 2, 2) per px^2; 0 where not seen.
         noise: ratio of the marker noise to the usual one.
         usual_std_px: the usual standard deviation of the marker images.
         moved_pitch: RMS motion of the markers, in pitches of the image.
-        view_px: (m, 2) motion of the whole image, if the outermost markers are nearly still on the sheet.
+        view_px: (m, 2) motion of the whole image that the outermost markers show, if the sheet ends there.
     """
 
     measured_px: Points2
