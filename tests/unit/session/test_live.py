@@ -400,7 +400,7 @@ def test_the_old_method_goes_on_until_the_new_one_is_ready(monkeypatch: pytest.M
     class Watching(Seen):
         def write(self, reading: Reading) -> None:
             methods.append(live.health().method)
-            if len(self.readings) == 30:
+            if len(self.readings) == 34:
                 assert live.health().is_preparing
                 go_on.set()
             super().write(reading)
