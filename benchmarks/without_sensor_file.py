@@ -33,6 +33,8 @@ PARTS = {
     "without 5 rows below": manytouch.Roi(0, 0, 640, 270),
     "the right half": manytouch.Roi(320, 0, 320, 360),
     "without 5 columns and 4 or 5 rows at all sides": manytouch.Roi(140, 80, 360, 200),
+    "the 13 columns in the middle": manytouch.Roi(235, 0, 230, 360),
+    "12 columns and 10 rows in the middle": manytouch.Roi(250, 90, 220, 180),
 }
 """Regions of the pictures of the demo, which has 30 columns and 20 rows of dots."""
 DEMO_WIDTH_PX, DEMO_STEP, DEMO_FPS, DEMO_FRAMES = 640, 2, 30.0, 290

@@ -9,7 +9,8 @@ from manytouch.values.sensor import Layout, Sheet
 ASSUMED_POISSON = 0.45  # of a clamped sheet; that of nearly incompressible rubber
 THICKNESS_PITCHES, MARGIN_PITCHES = 0.75, 1.0
 OPEN_MARGIN_PITCHES = 5.0
-"""Where the sheet goes on beyond the outermost markers."""
+"""Where the sheet goes on beyond the outermost markers. Chosen on views that cut two to six rows or columns
+off, and on one that cuts fifteen; presses further beyond the view than this are not described."""
 _LEAST_OPEN_PITCHES = 4.0
 ASSUMED_SHEET = (
     f"The sheet is {THICKNESS_PITCHES} pitches thick and extends one pitch beyond its outermost markers, "

@@ -97,6 +97,21 @@ class InversionModel:
         points = self.patch.at(place_mm)
         return np.asarray((points.value * self.nodes.compliance_per_mm[points.node]).sum(axis=1))
 
+    def open_nearness(self, centre_mm: Scalars) -> float:
+        """How near a place (2,) is to a side at which an assumed sheet goes on beyond the markers.
+
+        It is 1 within a pitch of the outermost markers and beyond them, and e times less each half pitch
+        further inside; 0 if there is no such side.
+        """
+        patch, layout = self.patch, self.layout
+        is_open = self.is_assumed & are_open(layout, patch.size_mm, patch.centre_mm)
+        if not is_open.any():
+            return 0.0
+        half_mm = np.abs(layout.rest_mm[:, :2]).max(axis=0)[:, None]
+        inside_mm = half_mm - np.array([-1.0, 1.0]) * centre_mm[:, None]
+        inside = float((inside_mm / layout.pitch_mm[:, None])[is_open].min())
+        return float(np.exp(-2.0 * max(inside - 1.0, 0.0)))
+
     def spline(
         self, coefficient_mm: Nodal, force_mm2: Nodal, pretension_std_mm: float = float("nan")
     ) -> SheetSpline:

@@ -166,3 +166,18 @@ def test_a_press_that_no_sheet_describes_opens_no_side() -> None:
     assert searched.has_opened
     assert rules.opened_sheet(searched) is not None
     assert rules.opened_sheet(replace(searched, misfit=0.08)) is None
+
+
+def test_a_contact_near_an_open_side_is_uncertain() -> None:
+    sensor, place_mm = left_part(), (4.0, 3.0)
+    state, (grids, _) = ESTIMATE.start(sensor), grids_of(place_mm, 0.08, part=True)
+    assert state.model.open_nearness(np.array([28.0, 0.0])) == 0.0
+    for grid in grids:
+        state, _, contacts = ESTIMATE.step(state, grid)
+    (contact,) = contacts.touching
+    off_mm = contact.centre_mm - [place_mm[0] + OFF_MM, place_mm[1]]
+    std_mm = np.sqrt(np.diag(contact.covariance)[:2])
+    assert np.all(np.abs(off_mm) < 1.5 * std_mm)
+    assert np.all(std_mm > 0.9 * PITCH_MM)
+    nearness = [state.model.open_nearness(np.array([x_mm, 5.0])) for x_mm in (40.0, 24.0, 22.0, -28.0)]
+    np.testing.assert_allclose(nearness, [1.0, 1.0, np.exp(-1.0), np.exp(-26.0)])
