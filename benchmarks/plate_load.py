@@ -77,7 +77,8 @@ class _State:
 def plate_model(sensor: Sensor) -> PlateModel:
     """The plate on the pad of a sensor with its pose."""
     pad, error = NominalPad(element_thickness=ELEMENT)(sensor), ImageError()
-    return PlateModel(plate_contact(pad), pad.motion, error.weights(pad), error.share)
+    view = pad.motion[:4]  # shift, growth and turn
+    return PlateModel(plate_contact(pad), view, error.weights(pad), error.share)
 
 
 def plate_forces(model: PlateModel, moved_px: np.ndarray) -> PlateForces:

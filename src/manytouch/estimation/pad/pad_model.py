@@ -1,6 +1,6 @@
 """Everything about a bonded pad that stays the same between frames."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -8,7 +8,7 @@ from scipy.ndimage import map_coordinates
 
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation.pad.patch_kernels import LayerTable, Markers, PadGrid
-from manytouch.geometry.camera import mm_per_px
+from manytouch.geometry.camera import mm_per_px, project, ray
 from manytouch.geometry.refraction import project_through_window
 from manytouch.geometry.spline.patch import Nodal, PointBasis, SplinePatch
 from manytouch.mechanics.pad.elasticity import PadResponse, pad_response
@@ -20,8 +20,9 @@ from manytouch.values.arrays import Points2, Points3, read_only
 from manytouch.values.sensor_file.default_std import POISSON_STD, SheetStd, camera_std, sheet_std
 
 MIN_MARKERS = 12
-MOTIONS = 4
-"""Motion of the whole image: shift x, y in px; growth and turn about the middle, as ratio and in rad."""
+MOTIONS = 6
+"""Motion of the whole image, all that a rigid camera can cause: shift x, y in px; growth and turn about the
+middle, as ratio and in rad; what a turn of the camera about its own x and y adds to these, in rad."""
 FACE_THICKNESS_MM = 1e-3
 """Thickness in the `SheetSpline` of a pad, whose spline is the contact face itself."""
 _LAYER_REACH = 3.0
@@ -35,6 +36,7 @@ _ROOTS = (0.05, 0.6, 14)
 """Roots of the Gaussians of that table, in thicknesses: least, largest, number. Linear interpolation between
 two is within 1.5 % of the largest motion."""
 _STEP_MM = 1e-4  # of the derivative of the projection
+_STEP_RAD = 1e-5  # of the derivative by the turn of the camera
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -86,7 +88,7 @@ class BondedPadModel:
     slope_px: Float64[np.ndarray, "m 2 3"]
     markers: Markers
     rest_px: Points2
-    motion: Float64[np.ndarray, "4 r"]
+    motion: Float64[np.ndarray, "6 r"]
     pitch_mm: float
     pitch_px: float
     poisson: float
@@ -179,7 +181,7 @@ class NominalPad:
             slope_px=read_only(slope_px),
             markers=Markers(place=np.ascontiguousarray(layout.rest_mm[:, :2]), slope=slope_px),
             rest_px=read_only(rest_px),
-            motion=read_only(_motion(rest_px)),
+            motion=read_only(_motion(camera, rest_px)),
             pitch_mm=pitch_mm,
             pitch_px=pitch_mm / mm_per_px(camera),
             poisson=poisson,
@@ -290,14 +292,31 @@ def _layer_nodes(
     )
 
 
-def _motion(rest_px: Points2) -> Float64[np.ndarray, "4 r"]:
+def _motion(camera: Camera, rest_px: Points2) -> Float64[np.ndarray, "6 r"]:
     """Marker images by the motion of the image."""
     away_px = rest_px - rest_px.mean(axis=0)
     turned_px = np.column_stack([-away_px[:, 1], away_px[:, 0]])
     count = len(away_px)
-    return np.stack(
+    plane = np.stack(
         [np.tile([1.0, 0.0], count), np.tile([0.0, 1.0], count), away_px.ravel(), turned_px.ravel()]
     )
+    tilt = _tilt(camera, rest_px)
+    return np.vstack([plane, tilt - tilt @ np.linalg.pinv(plane) @ plane])
+
+
+def _tilt(camera: Camera, rest_px: Points2) -> Float64[np.ndarray, "2 r"]:
+    """Change of images (m, 2) as the camera turns about its own x and y by the right-hand rule, in px/rad.
+
+    It is a change of the directions of the rays in air alone, whatever window lies before the camera.
+    """
+    direction = np.column_stack([ray(camera, rest_px), np.ones(len(rest_px))])
+    frame = replace(camera, rotation_vector=np.zeros(3), translation_mm=np.zeros(3))
+    images = []
+    for axis in np.eye(3)[:2]:
+        turned = _STEP_RAD * np.cross(direction, axis)
+        moved_px = project(frame, direction + turned) - project(frame, direction - turned)
+        images.append(moved_px.ravel() / (2.0 * _STEP_RAD))
+    return np.stack(images)
 
 
 def _grid(patch: SplinePatch) -> PadGrid:

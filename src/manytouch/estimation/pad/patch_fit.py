@@ -71,7 +71,7 @@ class PadFit:
 
     Attributes:
         patches: of the contacts.
-        motion: (MOTIONS,) of the image: shift along x and y, growth, rotation.
+        motion: (MOTIONS,) of the image: shift along x and y, growth, rotation, tilt about x and y.
         misfit: sum of the squared residuals over their variances, and of the squared deviations from the
             priors over theirs.
         residual_px: (2 m,) measured minus fitted.
@@ -85,7 +85,7 @@ class PadFit:
     """
 
     patches: Patches
-    motion: Float64[np.ndarray, "4"]
+    motion: Float64[np.ndarray, "6"]
     misfit: float
     residual_px: Float64[np.ndarray, " r"]
     weight: Float64[np.ndarray, " r"]
@@ -151,8 +151,9 @@ class PatchFitter:
 
     Attributes:
         prior: of a contact.
-        shift_px, growth, turn_rad: prior standard deviations of the motion of the image: of its shift along
-            each axis, of its growth over its size, and of its rotation.
+        shift_px, growth, turn_rad, tilt_rad: prior standard deviations of the motion of the image: of its
+            shift along each axis, of its growth over its size, of its rotation, and of the turn of the camera
+            about each of its axes x and y.
         moved_stds: a motion of the image by more standard deviations than this means that the camera has
             moved. Its standard deviation is then set to the motion itself, and it adds as much to the misfit
             as a motion of this many deviations.
@@ -168,6 +169,7 @@ class PatchFitter:
     shift_px: float = 0.03
     growth: float = 3e-4
     turn_rad: float = 3e-4
+    tilt_rad: float = 6e-5
     moved_stds: float = 4.0
     fitted_share: float = 0.4
     max_steps: int = 20
@@ -287,7 +289,8 @@ class PatchFitter:
         """Standard deviations of the motion of the image and of the parameters of the pad."""
         sheet = np.full(parameters, self.fitted_share)
         sheet[_FITTED:] = _KEPT_STD
-        return np.array([self.shift_px, self.shift_px, self.growth, self.turn_rad, *sheet])
+        motion = (self.shift_px, self.shift_px, self.growth, self.turn_rad, self.tilt_rad, self.tilt_rad)
+        return np.array([*motion, *sheet])
 
     def _limits(self, model: BondedPadModel, least_gain: float, needed: float) -> Limits:
         """How far contacts may go, and when an iteration ends."""

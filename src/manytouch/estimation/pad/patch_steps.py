@@ -63,13 +63,13 @@ class Common(NamedTuple):
     """What all contacts have in common.
 
     Attributes:
-        motion: (4, 2 m) marker images by the motion of the image.
+        motion: (v, 2 m) marker images by the motion of the image.
         sheet: (c, k, 5, 2 m) by unit loads of each contact, for one standard deviation of each parameter of
             the pad; c = 0 where these are known.
-        std: (4 + k,) standard deviations of both.
+        std: (v + k,) standard deviations of both.
     """
 
-    motion: Float64[np.ndarray, "4 r"]
+    motion: Float64[np.ndarray, "v r"]
     sheet: Float64[np.ndarray, "c k 5 r"]
     std: Float64[np.ndarray, " s"]
 
@@ -175,7 +175,7 @@ def _misfit(
 ) -> float:
     """Misfit of parameters, and what they leave of the images."""
     profile, pad, prior, common, measured = problem
-    first, misfit = PARAMETER_COUNT * count, 0.0
+    first, motions, misfit = PARAMETER_COUNT * count, len(common.motion), 0.0
     residual[:] = 0.0
     for j in range(len(common.std)):
         misfit += (theta[first + j] / common.std[j]) ** 2
@@ -185,7 +185,7 @@ def _misfit(
         add_image(parameters, profile[number], pad, residual)
         if len(common.sheet) > 0:
             for k in range(common.sheet.shape[1]):
-                share = theta[first + 4 + k]
+                share = theta[first + motions + k]
                 for load in range(5):
                     factor = (
                         parameters[FORCE] * parameters[RADIAL_SHEAR]
@@ -196,7 +196,7 @@ def _misfit(
         prior_terms(parameters, prior, value, slope)
         for j in range(9):
             misfit += value[j] * value[j]
-    for j in range(4):
+    for j in range(motions):
         add_scaled(theta[first + j], common.motion[j], residual)
     for k in range(len(residual)):
         residual[k] = measured.moved_px[k] - residual[k]
@@ -208,12 +208,11 @@ def _misfit(
 def _slopes(theta: Float64[np.ndarray, " p"], count: int, problem: Problem, work: Work) -> None:
     """Pull towards smaller misfits and its curvature at parameters whose residual is known."""
     profile, pad, prior, common, measured = problem
-    first, unknowns = PARAMETER_COUNT * count, len(theta)
+    first, motions, unknowns = PARAMETER_COUNT * count, len(common.motion), len(theta)
     slope, curved, pull = work.slope, work.curved, work.pull
     curved[:] = 0.0
-    slope[first + 4 :] = 0.0
-    for j in range(4):
-        slope[first + j] = common.motion[j]
+    slope[first : first + motions] = common.motion
+    slope[first + motions :] = 0.0
     value, jacobian = np.empty(9), np.empty((9, PARAMETER_COUNT))
     for j in range(len(common.std)):
         stiffness = 1.0 / common.std[j] ** 2
@@ -228,13 +227,13 @@ def _slopes(theta: Float64[np.ndarray, " p"], count: int, problem: Problem, work
             for k in range(common.sheet.shape[1]):
                 for load in range(5):
                     column = common.sheet[number, k, load]
-                    add_scaled(theta[first + 4 + k], column, part[FORCE + load])
+                    add_scaled(theta[first + motions + k], column, part[FORCE + load])
                     factor = (
                         parameters[FORCE] * parameters[RADIAL_SHEAR]
                         if load == 4
                         else parameters[FORCE + load]
                     )
-                    add_scaled(factor, column, slope[first + 4 + k])
+                    add_scaled(factor, column, slope[first + motions + k])
         add_scaled(parameters[RADIAL_SHEAR], part[RADIAL_SHEAR], part[FORCE])
         part[RADIAL_SHEAR] *= parameters[FORCE]
         prior_terms(parameters, prior, value, jacobian)
@@ -248,7 +247,7 @@ def _slopes(theta: Float64[np.ndarray, " p"], count: int, problem: Problem, work
                 for k in range(9):
                     total += jacobian[k, i] * jacobian[k, j]
                 curved[at + i, at + j] = total
-    used = slope[: unknowns if len(common.sheet) > 0 else first + 4]
+    used = slope[: unknowns if len(common.sheet) > 0 else first + motions]
     weighted = np.empty(used.shape)
     for i in range(len(used)):
         for k in range(len(measured.weight)):
