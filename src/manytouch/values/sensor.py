@@ -165,7 +165,6 @@ class Sheet:
 
     Attributes:
         size_mm: (2,) clamped outline along x and y, or outline of a bonded pad.
-        centre_mm: (2,) of the outline of an assumed sheet; None: the origin, as in all sensor files.
         thickness_mm: of the sheet without its markers.
         young_MPa, poisson, density_kg_m3: of its material.
         boundary: "clamped": held at its outline; "bonded": a pad on a rigid window, seen through it.
@@ -202,7 +201,6 @@ class Sheet:
     window_std_mm: float | None = None
     window_index_std: float | None = None
     pad_index_std: float | None = None
-    centre_mm: Float64[np.ndarray, "2"] | None = None
     is_assumed: bool = False
 
     __reduce__ = reduced

@@ -70,9 +70,9 @@ class ModelError:
         area_force: standard deviation of the area of a contact with the least force, over that area;
             inversely proportional to the force. Noise spreads faint forces over more nodes.
         assumed_sheet_factor: multiplies all these deviations where the sheet was assumed.
-        open_pitch, open_depth: standard deviations of the centre along each axis, in pitches, and of the
-            depth over the depth, within a pitch of a side at which an assumed sheet goes on beyond the
-            markers; e times less each half pitch further inside. Chosen on 23 simulated views.
+        edge_pitch, edge_depth: standard deviations of the centre along each axis, in pitches, and of the
+            depth over the depth, within a pitch of the outermost markers of an assumed sheet; e times less
+            each half pitch further inside. Chosen on 23 simulated views.
     """
 
     position_pitch: float = 0.02
@@ -89,8 +89,8 @@ class ModelError:
     area_share: float = 0.15
     area_force: float = 0.4
     assumed_sheet_factor: float = 3.0
-    open_pitch: float = 1.0
-    open_depth: float = 0.3
+    edge_pitch: float = 1.0
+    edge_depth: float = 0.3
 
     def variances(
         self,
@@ -133,9 +133,9 @@ class ModelError:
             area_mm2 * np.hypot(self.area_share, self.area_force * model.nodes.least_force_mm2 / press_mm2),
         ]
         variance = np.square(std) * (self.assumed_sheet_factor if model.is_assumed else 1.0) ** 2
-        near_open = model.open_nearness(centre_mm)
-        variance[:2] += (self.open_pitch * model.pitch_mm * near_open) ** 2
-        variance[_DEPTH] += (np.hypot(model.assumed_depth_std, self.open_depth * near_open) * depth_mm) ** 2
+        near_edge = model.edge_nearness(centre_mm)
+        variance[:2] += (self.edge_pitch * model.pitch_mm * near_edge) ** 2
+        variance[_DEPTH] += (np.hypot(model.assumed_depth_std, self.edge_depth * near_edge) * depth_mm) ** 2
         return np.asarray(variance)
 
 

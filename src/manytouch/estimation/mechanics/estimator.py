@@ -6,7 +6,6 @@ and the error of the model. What the sheet does not describe is estimated by `pe
 """
 
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import compress
 from typing import Any
 
@@ -28,20 +27,16 @@ from manytouch.estimation.mechanics.contact_pressures import with_contact_pressu
 from manytouch.estimation.mechanics.contact_rules import ContactRules, is_far_from, significant
 from manytouch.estimation.mechanics.contacts import ContactEstimator
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, GaussNewton
-from manytouch.estimation.mechanics.inversion.open_sides import OpenSides
-from manytouch.estimation.mechanics.inversion.searched_press import SearchedPress, SheetTrials
 from manytouch.estimation.mechanics.inversion.sheet_model import MIN_MARKERS, NominalSheet, checked_layout
 from manytouch.estimation.mechanics.inversion.sheet_parameters import (
-    PretensionEstimate,
     PretensionEstimator,
     sheet_variants,
 )
 from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
-from manytouch.estimation.mechanics.inversion.thickness import ThicknessEstimator
 from manytouch.estimation.mechanics.marker_noise import MarkerNoise, marker_variances_px2, with_excess
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState
 from manytouch.estimation.mechanics.surface_covariance import DisplacementCovariance
-from manytouch.estimation.mechanics.undescribed_frames import UndescribedFrames, WithoutSheet
+from manytouch.estimation.mechanics.undescribed_frames import UndescribedFrames
 from manytouch.estimation.mechanics.view_motion import ViewMotion
 from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.perimeter.marker_surface import unknown_surface
@@ -50,7 +45,7 @@ from manytouch.estimation.slip_detector import SlipDetector, SlipState
 from manytouch.geometry.camera import mm_per_px
 from manytouch.geometry.neighbours import nearest_neighbours
 from manytouch.geometry.refraction import rest_px
-from manytouch.values import Contacts, Sensor, Sheet, Status, Surface, TrackedGrid
+from manytouch.values import Contacts, Layout, Sensor, Sheet, Status, Surface, TrackedGrid
 from manytouch.values.arrays import Covariances2, Mask, Points2, read_only
 from manytouch.values.sensor_file.assumed_sheet import assumed_sheet
 
@@ -73,8 +68,6 @@ class MechanicsEstimator:
         contact_rules: which groups are contacts.
         contact_estimator: contacts with their covariances.
         pretension: estimate of a pretension that the sensor does not state.
-        thickness: estimate of the thickness of an assumed sheet.
-        open_sides: sides at which an assumed sheet goes on beyond the view.
         contact_tracker: identities of contacts.
         surface_error: covariances of the marker displacements.
         reference_drift: update of the reference while nothing touches the sheet.
@@ -96,8 +89,6 @@ class MechanicsEstimator:
     contact_rules: ContactRules = field(default_factory=ContactRules)
     contact_estimator: ContactEstimator = field(default_factory=ContactEstimator)
     pretension: PretensionEstimator = field(default_factory=PretensionEstimator)
-    thickness: ThicknessEstimator = field(default_factory=ThicknessEstimator)
-    open_sides: OpenSides = field(default_factory=OpenSides)
     contact_tracker: ContactTracker = field(default_factory=lambda: ContactTracker(confirm_frames=1))
     surface_error: DisplacementCovariance = field(default_factory=DisplacementCovariance)
     reference_drift: ReferenceDrift = field(default_factory=ReferenceDrift)
@@ -122,27 +113,18 @@ class MechanicsEstimator:
                     "MechanicsEstimator(pad=PadEstimator()), or the method perimeter or paper"
                 )
             return self.pad.start(sensor)
-        return self._start(sensor, sheet, self.undescribed_frames.start(sensor))
+        return self._start(sensor, sheet, layout)
 
-    def _start(
-        self,
-        sensor: Sensor,
-        sheet: Sheet,
-        without_sheet: WithoutSheet,
-        pretension: PretensionEstimate | None = None,
-    ) -> MechanicsState:
-        """The state before the first frame on a clamped sheet, with a pretension if one is known already."""
-        layout = checked_layout(sensor)
+    def _start(self, sensor: Sensor, sheet: Sheet, layout: Layout) -> MechanicsState:
+        """The state before the first frame on a sheet that is not bonded."""
         pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
         pitch_px = pitch_mm / mm_per_px(sensor.camera)
         model_std_px = self.marker_noise.constant_std_px(pitch_px, pitch_mm / sheet.thickness_mm, sensor)
         usual_std_px = self.marker_noise.usual_std_px(model_std_px)
-        stretched_mm = None if pretension is None else pretension.mean_mm
-        model = self.nominal_sheet(replace(sensor, sheet=sheet), usual_std_px, stretched_mm)
-        if pretension is None:
-            pretension = self.pretension.start(model, sheet)
-            if pretension.is_estimated:
-                model = model.with_pretension(pretension.mean_mm)
+        model = self.nominal_sheet(replace(sensor, sheet=sheet), usual_std_px)
+        pretension = self.pretension.start(model, sheet)
+        if pretension.is_estimated:
+            model = model.with_pretension(pretension.mean_mm)
         at_rest_px, shape = rest_px(sensor, layout), SheetShape.at_rest(model)
         weight_per_mm4 = self.gauss_newton.weights(model, shape, usual_std_px=usual_std_px)
         centre_noise_px = sensor.centre_noise_px or self.marker_noise.default_centre_noise_px
@@ -159,28 +141,17 @@ class MechanicsEstimator:
             model_std_px=model_std_px,
             shape=shape,
             pretension=pretension,
-            thickness=self.thickness.start(sensor, sheet, pitch_mm),
-            open_sides=self.open_sides.start(),
             variants=sheet_variants(model, sheet),
             previous=EarlierClusters.none(),
             slip=SlipState(),
             tracks=self.contact_tracker.start(sensor),
-            without_sheet=without_sheet,
+            without_sheet=self.undescribed_frames.start(sensor),
         )
 
     def step(self, state: Any, grid: TrackedGrid) -> tuple[Any, Surface, Contacts]:
         """Surface and contacts of the next frame. It never raises; an unusable frame has a status."""
         if self.pad is not None and not isinstance(state, MechanicsState):
             return self.pad.step(state, grid)
-        if not state.model.is_assumed:
-            return self._step(state, grid)
-        sheet = self.thickness.new_sheet(state.thickness, state.model)
-        if sheet is not None:
-            state = self._with_sheet(state, sheet)
-        after, surface, contacts = self._step(state, grid)
-        return self._update_sheet(after, grid), surface, contacts
-
-    def _step(self, state: MechanicsState, grid: TrackedGrid) -> tuple[MechanicsState, Surface, Contacts]:
         model, rules = state.model, self.undescribed_frames
         if model.is_assumed:
             state = replace(state, without_sheet=rules.step(state.without_sheet, grid))
@@ -194,10 +165,16 @@ class MechanicsEstimator:
         residuals = fit.residual_px, self.marker_noise.rough_px2(grid, std_px), grid.is_seen, state.neighbours
         excess_px2 = self.excess_noise.after_fit(state.excess_px2, *residuals)
         is_described = rules.describes(model, fit, grid, state.reference_px, state.pitch_px)
-        if is_described and (state.undescribed == 0 or rules.shows(model, fit, grid)):
-            return self._step_described(replace(state, undescribed=0, excess_px2=excess_px2), grid, fit)
+        if is_described and (state.undescribed == 0 or rules.shows(model, fit, grid, state.unlike)):
+            described = replace(state, undescribed=0, unlike=0, excess_px2=excess_px2)
+            after, surface, contacts = self._step_described(described, grid, fit)
+            may_be_wrong = model.is_assumed and bool(state.tracks.touching) and not contacts.touching
+            at_px, found = (state.reference_px, state.pitch_px), state.without_sheet
+            if not (may_be_wrong and rules.is_doubtful(fit, found, grid, *at_px)):
+                return after, surface, contacts
+            is_described = False
         is_lost = fit.status is not Status.OK or (model.is_assumed and not is_described)
-        state = state.at_rest() if is_lost else state.with_fit(fit)
+        state = replace(state.at_rest() if is_lost else state.with_fit(fit), unlike=state.unlike + 1)
         if model.is_assumed or state.undescribed >= rules.wait_frames:
             return self._step_undescribed(state, grid)
         waiting = replace(state, undescribed=state.undescribed + 1)
@@ -246,40 +223,6 @@ class MechanicsEstimator:
             after = sheet_updates.with_pretension(after, self.pretension, fit, clusters)
         return after, with_contact_pressures(surface, model.nodes, clusters, contacts), contacts
 
-    def _with_sheet(self, state: MechanicsState, sheet: Sheet) -> MechanicsState:
-        """The state on an assumed sheet as presses have shown it, from rest."""
-        pretension = state.pretension.times(sheet.thickness_mm / state.model.thickness_mm)
-        fresh = self._start(state.thickness.sensor, sheet, state.without_sheet, pretension)
-        shown = replace(state.thickness, sheet=sheet, is_opened=False)
-        return sheet_updates.with_sheet_of(replace(state, thickness=shown), fresh)
-
-    def _update_sheet(self, state: MechanicsState, grid: TrackedGrid) -> MechanicsState:
-        """The state with what presses show of an assumed sheet."""
-        rules, parts = self.undescribed_frames, (self.open_sides, self.thickness)
-        if grid.status is Status.OK and grid.is_seen.sum() >= MIN_MARKERS:
-            motion_px, press_of = rules.motion_px(grid, state.reference_px), partial(self._press, state, grid)
-            state = sheet_updates.with_press(state, grid, *parts, motion_px=motion_px, press_of=press_of)
-        return sheet_updates.with_trials(
-            state, *parts, SheetTrials(self.gauss_newton, self.nominal_sheet, state.model)
-        )
-
-    def _press(self, state: MechanicsState, grid: TrackedGrid, moved_pitch: float) -> SearchedPress:
-        """The markers of a frame, to be fitted with other sheets; `moved_pitch` is their RMS motion."""
-        std_px = self.undescribed_frames.model_std_px(
-            state.model, grid, state.reference_px, state.model_std_px
-        )
-        state, grid = replace(state, model_std_px=std_px), with_excess(grid, state.excess_px2)
-        measured_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
-        is_outer = grid.is_seen & self.open_sides.outermost(state.model.layout).any(axis=(0, 1))
-        return SearchedPress(
-            measured_px=measured_px,
-            information=self.information(state, grid, measured_px),
-            noise=self.marker_noise.noise_ratio(grid, std_px),
-            usual_std_px=self.marker_noise.usual_std_px(std_px),
-            moved_pitch=moved_pitch,
-            view_px=self.view_motion(state.reference_px, measured_px, state.shape.displacement_px, is_outer),
-        )
-
     def _measured_px(self, state: MechanicsState, grid: TrackedGrid) -> Points2:
         """(m, 2) displacements of the marker images without the motion of the views; 0 where not seen."""
         measured_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
@@ -323,7 +266,8 @@ class MechanicsEstimator:
         rules, nodes = self.contact_rules, replace(model.nodes, force_unit_mm2=fit.force_unit_mm2)
         hidden = rules.noise_share * (noise - 1.0) * self.gauss_newton.negligible_force
         force_mm2 = np.where(force_mm2[:, 2:] > -hidden * nodes.force_unit_mm2, 0.0, force_mm2)
-        clusters = self.force_clusters(nodes, force_mm2, is_assumed=model.is_assumed)
+        beyond_mm2 = -float(fit.shape.force_mm2[nodes.is_beyond, 2].sum())
+        clusters = self.force_clusters(nodes, force_mm2, beyond_mm2=beyond_mm2, is_assumed=model.is_assumed)
         clusters, _ = significant(clusters, fit, rules.least_stds)
         decided = state.previous_contacts(rules.decided_force)
         clusters = self.model_order(

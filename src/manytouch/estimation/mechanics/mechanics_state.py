@@ -8,7 +8,6 @@ from manytouch.estimation.contact_tracker import ContactTrackerState
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, EarlierClusters, PreviousContacts
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
-from manytouch.estimation.mechanics.inversion.open_sides import OpenSidesEstimate
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     ParameterResponse,
@@ -16,7 +15,6 @@ from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     SheetVariant,
 )
 from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
-from manytouch.estimation.mechanics.inversion.thickness import ThicknessEstimate
 from manytouch.estimation.mechanics.surface_covariance import (
     DisplacementCovariance,
     DisplacementCovarianceState,
@@ -49,8 +47,6 @@ class MechanicsState:
         posterior_frames: number of frames since then.
         posterior_worst_chi2: `Fit.worst_chi2` of the last full step.
         pretension: of the sheet.
-        thickness: of an assumed sheet.
-        open_sides: of an assumed sheet.
         variants: the sheet with one of its other parameters changed, for each of them.
         response: how the result of the last full step depends on pretension and other parameters; None before
             the first full step.
@@ -60,6 +56,7 @@ class MechanicsState:
         tracks: contacts of the previous frames.
         without_sheet: surface and contacts without a model of the sheet.
         undescribed: number of frames in a row that the sheet did not describe.
+        unlike: the same, without those in which the markers hardly moved.
     """
 
     model: InversionModel
@@ -77,8 +74,6 @@ class MechanicsState:
     posterior_frames: int = 0
     posterior_worst_chi2: float = 0.0
     pretension: PretensionEstimate
-    thickness: ThicknessEstimate
-    open_sides: OpenSidesEstimate
     variants: tuple[SheetVariant, ...]
     response: ParameterResponse | None = None
     response_is_due: bool = False
@@ -87,6 +82,7 @@ class MechanicsState:
     tracks: ContactTrackerState
     without_sheet: WithoutSheet
     undescribed: int = 0
+    unlike: int = 0
 
     @property
     def touching_mm(self) -> Points2:

@@ -41,23 +41,9 @@ class PosteriorSamples:
         """
         self.draws = draws
         self._estimate = MechanicsEstimator() if estimate is None else estimate
-        self._sensor = sensor
-        self._begin(self._estimate.start(sensor))
-
-    def _begin(self, state: MechanicsState) -> None:
-        """Uses the model of a state from now on."""
-        self._state = state
-        count = 3 * state.model.patch.node_count
+        self._state: MechanicsState = self._estimate.start(sensor)
+        count = 3 * self._state.model.patch.node_count
         self._normal = np.random.default_rng(0).standard_normal((self.draws, count))
-
-    def _follow(self, spline: SheetSpline) -> None:
-        """Takes the sheet of a spline, if it is an assumed one that presses have shown to be another."""
-        model, sheet = self._state.model, self._state.thickness.sheet
-        outline = (spline.thickness_mm, spline.size_mm, spline.centre_mm)
-        if model.is_assumed and (model.thickness_mm, model.patch.size_mm, model.patch.centre_mm) != outline:
-            size_mm, centre_mm = (read_only(np.array(each)) for each in (spline.size_mm, spline.centre_mm))
-            sheet = replace(sheet, size_mm=size_mm, centre_mm=centre_mm, thickness_mm=spline.thickness_mm)
-            self._begin(self._estimate.start(replace(self._sensor, sheet=sheet)))
 
     def __call__(self, surface: Surface, grid: TrackedGrid) -> tuple[SheetSpline, ...]:
         """Splines around that of a surface, by the noise of its frame, the model's error and the prior.
@@ -72,7 +58,6 @@ class PosteriorSamples:
         spline, estimate = surface.spline, self._estimate
         if spline is None or not grid.is_seen.any():
             return ()
-        self._follow(spline)
         model = self._state.model
         shape = SheetShape.at(model, spline.coefficient_mm)
         state = replace(self._state, shape=shape)

@@ -47,6 +47,8 @@ class DisplacementCovariance:
         dent: standard deviation along z by the forces near a marker, over their weighted sum divided by E and
             thickness.
         depth_share: standard deviation along z in proportion to the depth, over the depth.
+        level_share: standard deviation along z of all markers of an assumed sheet, over the largest depth:
+            what holds the sheet beyond them is not known.
         lateral_share: the model's standard deviation along x and y, over that along z.
         unseen_factor: multiplies the standard deviations of markers that are not seen.
     """
@@ -54,6 +56,7 @@ class DisplacementCovariance:
     reach_thickness: float = 0.9
     dent: float = 0.06
     depth_share: float = 0.006
+    level_share: float = 0.06
     lateral_share: float = 0.5
     unseen_factor: float = 2.0
 
@@ -108,8 +111,10 @@ class DisplacementCovariance:
         depth_mm = np.abs(displacement_mm[:, 2])
         weighted_mm2 = state.proximity @ np.maximum(-force_mm2[:, 2], 0.0)
         dent_mm = self.dent * weighted_mm2 / model.thickness_mm
-        # variance of the model's error along z: by the forces nearby, and in proportion to the depth
+        # variance of the model's error along z: by the forces nearby, in proportion to the depth, by level
         error_mm2 = dent_mm**2 + (self.depth_share**2 + model.assumed_depth_std**2) * depth_mm**2
+        if model.is_assumed:
+            error_mm2 += (self.level_share * float(depth_mm.max(initial=0.0))) ** 2
         factor = np.where(is_seen, 1.0, self.unseen_factor**2)
         covariance = np.zeros((len(depth_mm), 3, 3))
         for axis, share in enumerate((self.lateral_share, self.lateral_share, 1.0)):

@@ -54,10 +54,14 @@ class UndescribedFrames:
         model_share: standard deviation of a marker image by the wrong parameters of the sheet, over the RMS
             motion of the markers in this frame.
         most_misfit: largest RMS residual of a sheet that is described, over the RMS motion of the markers.
+        doubtful_misfit: the same of an assumed sheet that does not show the contact of the frame before,
+            which the markers without a sheet show.
         misfit_pitch: residuals below this are no misfit, in pitches.
         light_misfit: largest RMS residual that noise does not explain, over the RMS motion, where an assumed
             sheet moves little. Presses on 39 simulated sheets have .07 to .17 at best, those on 16 pads .2
             or more.
+        unlike_frames, unlike_misfit: after so many pressed frames in a row that an assumed sheet does not
+            describe, its largest RMS residual is this share of the RMS motion: it is hardly a sheet.
         noise_stds: noise explains an RMS residual of this many deviations of the positions of the markers.
         most_chi2: least mean square of residuals over their deviation that is a misfit of a known sheet; the
             varied cases, with drawn sensor files too, have 5 at most.
@@ -76,8 +80,11 @@ class UndescribedFrames:
     contact_finder: ContactFinder = field(default_factory=uncalibrated_contact_finder)
     model_share: float = 0.005
     most_misfit: float = 0.07
+    doubtful_misfit: float = 0.035
     misfit_pitch: float = 0.003
     light_misfit: float = 0.2
+    unlike_frames: int = 20
+    unlike_misfit: float = 0.02
     noise_stds: float = 1.5
     most_chi2: float = 10.0
     wait_frames: int = 5
@@ -126,10 +133,6 @@ class UndescribedFrames:
             return model_std_px
         return float(np.hypot(model_std_px, self.model_share * _rms(grid.position_px - reference_px, grid)))
 
-    def motion_px(self, grid: TrackedGrid, reference_px: Points2) -> tuple[float, float]:
-        """RMS motion of the seen markers, and that of their noise."""
-        return _rms(grid.position_px - reference_px, grid), _noise_px(grid)
-
     def is_fitted(
         self, model: InversionModel, undescribed: int, grid: TrackedGrid, reference_px: Points2
     ) -> bool:
@@ -170,10 +173,22 @@ class UndescribedFrames:
             return True
         return misfit_px <= float(np.hypot(self.noise_stds * _noise_px(grid), self.light_misfit * moved_px))
 
-    def shows(self, model: InversionModel, fit: Fit, grid: TrackedGrid) -> bool:
-        """Whether a frame that the sheet describes is evidence of it; a known sheet needs none."""
+    def is_doubtful(
+        self, fit: Fit, found: WithoutSheet, grid: TrackedGrid, reference_px: Points2, pitch_px: float
+    ) -> bool:
+        """Whether an assumed sheet that shows no contact is not to be trusted in that."""
+        moved_px, misfit_px = _rms(grid.position_px - reference_px, grid), _rms(fit.residual_px, grid)
+        least_px = max(self.doubtful_misfit * moved_px, self.misfit_pitch * pitch_px)
+        return len(found.touching) > 0 and misfit_px > least_px
+
+    def shows(self, model: InversionModel, fit: Fit, grid: TrackedGrid, unlike: int) -> bool:
+        """Whether a frame that the sheet describes is evidence of it; a known sheet needs none.
+
+        `unlike` is that of `MechanicsState`.
+        """
         moved_px = _rms(fit.shape.displacement_px, grid)
-        return not model.is_assumed or _rms(fit.residual_px, grid) <= self.light_misfit * moved_px
+        most = self.light_misfit if unlike < self.unlike_frames else self.unlike_misfit
+        return not model.is_assumed or _rms(fit.residual_px, grid) <= most * moved_px
 
     def may_last(self, model: InversionModel, undescribed: int) -> Callable[[Contact], bool] | None:
         """Whether a contact may last that a frame without a model of the sheet does not show.

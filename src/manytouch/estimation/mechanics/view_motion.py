@@ -15,7 +15,6 @@ from jaxtyping import Float64
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.medians import median
 from manytouch.values.arrays import Mask, Points2, Scalars
-from manytouch.values.sensor_file.assumed_sheet import are_open
 
 _MIN_SCALE_PX = 1e-3
 _RANK = 1e-12
@@ -38,10 +37,8 @@ class ViewMotion:
     iterations: int = 3
 
     def is_used(self, model: InversionModel) -> Mask:
-        """(m,) markers next to the clamp; none of an assumed sheet that goes on beyond the view."""
-        place_mm, patch = model.layout.rest_mm[:, :2] - np.array(model.patch.centre_mm), model.patch
-        if model.is_assumed and are_open(model.layout, patch.size_mm, patch.centre_mm).any():
-            return np.zeros(len(place_mm), dtype=np.bool_)
+        """(m,) markers next to the clamp; none of an assumed sheet, which is held somewhere beyond them."""
+        place_mm = model.layout.rest_mm[:, :2]
         left_mm = 0.5 * np.array(model.patch.size_mm) - np.abs(place_mm)
         return np.asarray(left_mm.min(axis=1) <= self.rim_pitch * model.pitch_mm)
 

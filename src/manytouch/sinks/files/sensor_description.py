@@ -152,10 +152,10 @@ def plain_values(value: object) -> Any:
     return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
-def estimated_thickness(sensor: Sensor, spline: SheetSpline | None) -> dict[str, float] | None:
-    """Thickness of an assumed sheet as presses show it, with its deviation, in the sensor's unit of length.
+def assumed_thickness(sensor: Sensor, spline: SheetSpline | None) -> dict[str, float] | None:
+    """Thickness of an assumed sheet with its deviation, in the sensor's unit of length.
 
-    None if the sheet is known, or without an estimate.
+    None if the sheet is known, or where no frame shows it.
     """
     is_known = sensor.sheet is not None and not sensor.sheet.is_assumed
     if spline is None or is_known or not math.isfinite(spline.thickness_std_mm):

@@ -19,15 +19,14 @@ from manytouch.sinks.files.hashing import result_hash
 from manytouch.sinks.files.rest.end_shift import EndShift
 from manytouch.sinks.files.rest.rest_noise import RestNoise
 from manytouch.sinks.files.sensor_description import (
+    assumed_thickness,
     estimated_pretension,
-    estimated_thickness,
     layout_of,
     rest_px,
     sensor_to_dict,
     view_mm,
 )
 from manytouch.sinks.files.tables import WITHOUT_SHEET, method_of
-from manytouch.sinks.part_of_sheet import PartOfSheet
 from manytouch.tracking.held_markers import COMPRESSED_VIDEO
 from manytouch.values import LengthUnit, Reading, Roi, Sensor, SheetSpline, Status
 from manytouch.values.display.text import count_of
@@ -73,7 +72,6 @@ class Summary:
         self._noise = RestNoise(markers)
         self.forces = ClearForceCount()
         self._end = EndShift(sensor)
-        self._part = PartOfSheet(sensor)
         self._seen_count = np.zeros(markers, dtype=np.int64)
         self._status: Counter[Status] = Counter()
         self._is_compressed = False
@@ -95,7 +93,6 @@ class Summary:
         self._noise.add(reading)
         self.forces.add(touching)
         self._end.add(reading)
-        self._part.add(reading)
         self._seen_count += reading.grid.is_seen
         self._status[reading.status] += 1
         self._is_compressed |= reading.grid.is_compressed
@@ -197,8 +194,8 @@ class Summary:
 
     @property
     def thickness(self) -> dict[str, float | None] | None:
-        """The last estimate of the thickness of an assumed sheet; None without one."""
-        found = estimated_thickness(self._sensor, self._spline)
+        """The thickness of an assumed sheet; None where it is known."""
+        found = assumed_thickness(self._sensor, self._spline)
         return None if found is None else {name: _rounded(value) for name, value in found.items()}
 
     def to_dict(self) -> dict[str, Any]:
@@ -236,7 +233,7 @@ class Summary:
         sentences += [*self._added, *self._rest_warnings(), *self.forces.warnings(self._sensor)]
         if self._is_compressed:
             sentences.append(COMPRESSED_VIDEO)
-        sentences += self._part.warnings() + self._coarse_pitch()
+        sentences += self._coarse_pitch()
         sentences += self._end.warnings(self.noise_px["median"])
         if self._recording.get("warning") is not None:
             sentences.append(str(self._recording["warning"]))
@@ -340,7 +337,7 @@ def _shape_and_remedy(sensor: Sensor) -> str:
         )
     (x, y), unit = sheet.size_mm, sensor.length_unit
     return (
-        f"that was assumed ({x:.4g} x {y:.4g} {unit}, {sheet.thickness_mm:.3g} {unit} thick at first, from "
+        f"that was assumed ({x:.4g} x {y:.4g} {unit}, {sheet.thickness_mm:.3g} {unit} thick, from "
         'the pitch): give a sensor file (--sensor) in which size and thickness, and boundary = "bonded" of a '
         "pad on a window, are right, since guessed ones give worse results than none"
     )

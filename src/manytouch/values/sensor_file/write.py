@@ -57,7 +57,7 @@ def _tables(sensor: Sensor) -> dict[str, Any]:
     else:
         tables["camera"] = _camera_table(sensor.camera, has_pose)
     if sheet is not None:
-        names = [name for name in Sheet.__slots__ if name not in {"is_assumed", "centre_mm"}]
+        names = [name for name in Sheet.__slots__ if name != "is_assumed"]
         known = {name: getattr(sheet, name) for name in names if getattr(sheet, name) is not None}
         tables["sheet"] = known | {"size_mm": sheet.size_mm.tolist()}
     if sensor.layout is not None:

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.values.arrays import Mask
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ForceNodes:
@@ -14,12 +16,14 @@ class ForceNodes:
         shape: (slow, fast) of the nodes.
         place_mm: (n, 2) Greville points of the nodes.
         element_mm: (2,) size of the elements.
-        inner_mm: (2, 2) lower and upper limits along x and y of the part in which contacts are found.
+        inner_mm: (2,) half the size of the part in which contacts are found.
         force_unit_mm2: pitch times thickness; thresholds of nodal forces over E are given in this unit.
         least_seen_px: root of the sum of squares of the motions of all marker images under the least normal
             force of a contact.
         seen_mm2_per_px: normal force over E, on a square of one pitch in the middle of the sheet at rest, by
             which the marker images move by 1 px: the root of the sum of squares over all of them.
+        is_beyond: (n,) nodes of an assumed sheet beyond its markers. Their forces stand for whatever presses
+            or holds the sheet there.
         compliance_per_mm: (n,) deflection at each node by a normal force over E of 1 mm^2 there, of the sheet
             at rest; 0 at the outline.
         stiffening: relative growth of `seen_mm2_per_px` over the mean square of the slopes of the sheet.
@@ -29,10 +33,11 @@ class ForceNodes:
     shape: tuple[int, int]
     place_mm: Float64[np.ndarray, "nodes 2"]
     element_mm: Float64[np.ndarray, "2"]
-    inner_mm: Float64[np.ndarray, "2 2"]
+    inner_mm: Float64[np.ndarray, "2"]
     force_unit_mm2: float
     least_seen_px: float
     seen_mm2_per_px: float
+    is_beyond: Mask
     compliance_per_mm: Float64[np.ndarray, " nodes"]
     stiffening: float
     own_spread_mm2: Float64[np.ndarray, "2"]
@@ -44,8 +49,7 @@ class ForceNodes:
 
     def inside_mm(self, place_mm: Float64[np.ndarray, "k 2"]) -> Float64[np.ndarray, " k"]:
         """Distance of places from the nearest limit of `inner_mm`; negative beyond it."""
-        low_mm, high_mm = self.inner_mm.T
-        return np.asarray(np.minimum(place_mm - low_mm, high_mm - place_mm).min(axis=1))
+        return np.asarray((self.inner_mm - np.abs(place_mm)).min(axis=1))
 
     def force_noise_mm2(self, slope: Float64[np.ndarray, "nodes 2"], std_px: float) -> float:
         """Standard deviation of a normal force over E in the middle, if it is the only one that is not known.

@@ -24,11 +24,12 @@ A prior with mean 0 can be added in `weights`. A prior with another mean also ne
 normal equations and in the steps with an earlier posterior.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.estimation.mechanics.inversion.beyond_markers import BeyondMarkers
 from manytouch.estimation.mechanics.inversion.force_nodes import smooth
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
@@ -81,6 +82,7 @@ class GaussNewton:
             sheet. A large, thin and slack sheet shows much smaller forces than others of its pitch and
             thickness (ADR 155).
         neighbour_share: a node's squared force counts as at least this share of the mean over its neighbours.
+        beyond_markers: weights of the forces beyond the markers of an assumed sheet.
         prior_weight: weight of the normal forces against the markers.
         convergence_share: the iteration ends when the normal forces change by at most this share in a step;
             changes below `negligible_force` do not count.
@@ -95,8 +97,7 @@ class GaussNewton:
             markers that hold within a factor of two.
         max_worst_growth: a step with the derivatives of an earlier frame is not sufficient if it leaves a
             marker a chi2 of more than this times the largest after the last full step, or times `poor_chi2`
-            if that is more: the weights of the forces keep an object that slides where it was. Compared were
-            1.5, 2, 3 and 4.
+            if that is more: the weights keep an object that slides where it was. Compared: 1.5, 2, 3, 4.
         max_stiffening: nor is it sufficient if the mean tension of the sheet has made it stiffer or softer by
             more than this factor since: next to a sudden press on a slack sheet, old derivatives show forces
             where there are none (ADR 155).
@@ -121,6 +122,7 @@ class GaussNewton:
     negligible_force: float = 1.7e-4
     negligible_stds: float = 12.0
     neighbour_share: float = 0.5
+    beyond_markers: BeyondMarkers = field(default_factory=BeyondMarkers)
     prior_weight: float = 3.0
     convergence_share: float = 0.1
     max_posterior_frames: int = 3
@@ -312,6 +314,7 @@ class GaussNewton:
         weight[:, 2] = self.prior_weight / (
             noise * np.maximum(press**2, self.neighbour_share * around2) + (noise * negligible_mm2) ** 2
         )
+        weight[model.nodes.is_beyond] = self.beyond_markers.weights(model.nodes, shape.force_mm2)
         return weight
 
     def _is_as_stiff(self, model: InversionModel, posterior: Posterior, now: "_Iterate") -> bool:

@@ -14,12 +14,7 @@ from manytouch.mechanics.shell.shell import Shell
 from manytouch.mechanics.solver.normal_equations import NormalEquations
 from manytouch.values import Camera, Layout, Sensor, Sheet, SheetSpline
 from manytouch.values.arrays import Mask, Points2, Scalars, read_only
-from manytouch.values.sensor_file.assumed_sheet import (
-    ASSUMED_POISSON,
-    Sides,
-    are_open,
-    assumed_sheet,
-)
+from manytouch.values.sensor_file.assumed_sheet import ASSUMED_POISSON, assumed_sheet
 from manytouch.values.sensor_file.default_std import sheet_std
 
 MIN_MARKERS = 12
@@ -49,7 +44,8 @@ class InversionModel:
         thickness_std_mm: its standard deviation where it was assumed; else NaN.
         young_MPa: None if forces are relative, over E.
         young_relative_std: its standard deviation over its value.
-        is_excluded: (n,) nodes so near a clamp that they have its forces.
+        is_excluded: (n,) nodes so near a clamp that they have its forces, or beyond the markers of an assumed
+            sheet.
         is_assumed: whether thickness and outline were assumed.
         assumed_depth_std: relative standard deviation of depths by what was assumed of sheet and camera.
     """
@@ -97,19 +93,16 @@ class InversionModel:
         points = self.patch.at(place_mm)
         return np.asarray((points.value * self.nodes.compliance_per_mm[points.node]).sum(axis=1))
 
-    def open_nearness(self, centre_mm: Scalars) -> float:
-        """How near a place (2,) is to a side at which an assumed sheet goes on beyond the markers.
+    def edge_nearness(self, centre_mm: Scalars) -> float:
+        """How near a place (2,) of an assumed sheet is to its outermost markers.
 
-        It is 1 within a pitch of the outermost markers and beyond them, and e times less each half pitch
-        further inside; 0 if there is no such side.
+        It is 1 within a pitch of them and beyond them, and e times less each half pitch further inside; 0 on
+        a sheet that is known.
         """
-        patch, layout = self.patch, self.layout
-        is_open = self.is_assumed & are_open(layout, patch.size_mm, patch.centre_mm)
-        if not is_open.any():
+        if not self.is_assumed:
             return 0.0
-        half_mm = np.abs(layout.rest_mm[:, :2]).max(axis=0)[:, None]
-        inside_mm = half_mm - np.array([-1.0, 1.0]) * centre_mm[:, None]
-        inside = float((inside_mm / layout.pitch_mm[:, None])[is_open].min())
+        half_mm = np.abs(self.layout.rest_mm[:, :2]).max(axis=0)
+        inside = float(((half_mm - np.abs(centre_mm)) / self.layout.pitch_mm).min())
         return float(np.exp(-2.0 * max(inside - 1.0, 0.0)))
 
     def spline(
@@ -154,16 +147,16 @@ class NominalSheet:
         least_stds: least normal force of a contact, in standard deviations by the usual noise of a single
             force in the middle of the sheet. Compared were 6 and 10 on 160 varied presses, and depths of the
             middle from 0.003 to 0.01 pitches under that force (ADR 158).
-        outline_depth: relative standard deviation of a depth by an assumed outline, over the deviation of
-            the outline in pitches.
         thickness_depth: relative change of a depth over that of an assumed thickness. The face moves in its
             plane by half the thickness times the slope.
         assumed_view_std: relative standard deviation of a depth where the field of view was assumed: that of
             the distance to the camera.
         clamp_thickness: contacts with a centre within this distance of a clamp are left out, in thicknesses.
             A clamp line that is wrong by a third of it causes forces there.
-        open_pitch: where an assumed sheet goes on beyond the outermost markers, contacts further from these
-            are left out, in pitches.
+        margin_pitch: how far the model of an assumed sheet goes on beyond the outermost markers, in pitches.
+        beyond_pitch: nodes further than this from the outermost markers of an assumed sheet may have any
+            forces, in pitches.
+        inner_pitch: contacts further than this from them are left out, in pitches.
     """
 
     poisson: float = ASSUMED_POISSON
@@ -172,8 +165,9 @@ class NominalSheet:
     max_elements: int = 1200
     least_stds: float = 6.0
     clamp_thickness: float = 1.0
-    open_pitch: float = 0.5
-    outline_depth: float = 0.36
+    margin_pitch: float = 6.0
+    beyond_pitch: float = 1.5
+    inner_pitch: float = 0.5
     thickness_depth: float = 0.6
     assumed_view_std: float = 0.15
 
@@ -205,8 +199,10 @@ class NominalSheet:
             radius_mm=layout.radius_mm,
             height_mm=layout.height_mm,
         )
-        reach_mm = 0.5 * sheet.size_mm - self.clamp_thickness * thickness_mm
+        reach_mm = 0.5 * np.array(patch.size_mm) - self.clamp_thickness * thickness_mm
+        inner_mm = self._half_mm(layout, self.inner_pitch) if sheet.is_assumed else reach_mm
         off_mm = np.abs(patch.place_mm - np.array(patch.centre_mm))
+        is_beyond = self._is_beyond(layout, sheet, patch)
         element_mm = np.array(patch.size_mm) / np.array(patch.elements)
         seen_mm2_per_px, compliance_per_mm = _node_responses(dots, pitch_mm)
         return InversionModel(
@@ -222,10 +218,11 @@ class NominalSheet:
                 place_mm=patch.place_mm,
                 element_mm=element_mm,
                 own_spread_mm2=element_mm**2 / 3.0 - 2.0 * shell.shear_mm2,
-                inner_mm=read_only(self._inner_mm(layout, sheet, patch, reach_mm)),
+                inner_mm=read_only(inner_mm),
                 force_unit_mm2=pitch_mm * thickness_mm,
                 least_seen_px=self.least_stds * usual_std_px,
                 seen_mm2_per_px=seen_mm2_per_px,
+                is_beyond=read_only(is_beyond),
                 compliance_per_mm=compliance_per_mm,
                 stiffening=_stiffening(shell),
             ),
@@ -234,45 +231,42 @@ class NominalSheet:
             thickness_std_mm=float((sheet.is_assumed and sheet.thickness_std_mm) or np.nan),
             young_MPa=sheet.young_MPa if sensor.scale_is_known else None,
             young_relative_std=_young_relative_std(sheet),
-            is_excluded=read_only((off_mm > reach_mm).any(axis=1)),
+            is_excluded=read_only((off_mm > reach_mm).any(axis=1) | is_beyond),
             is_assumed=sheet.is_assumed,
             assumed_depth_std=self._assumed_depth_std(sensor, sheet),
         )
 
     def _assumed_depth_std(self, sensor: Sensor, sheet: Sheet) -> float:
         """`InversionModel.assumed_depth_std`."""
-        pitch_mm = float(np.sqrt(np.prod(checked_layout(sensor).pitch_mm)))
         view = self.assumed_view_std if view_is_assumed(sensor) else 0.0
         if not sheet.is_assumed:
             return view
         thickness = self.thickness_depth * (sheet.thickness_std_mm or 0.0) / sheet.thickness_mm
-        outline = self.outline_depth * (sheet.outline_std_mm or 0.0) / pitch_mm
-        return float(np.linalg.norm([view, outline, thickness]))
+        return float(np.hypot(view, thickness))
 
     def _patch(self, layout: Layout, sheet: Sheet) -> SplinePatch:
-        """The whole sheet."""
+        """The whole sheet, or all of the model of an assumed one."""
         size_mm, thickness_mm = sheet.size_mm, sheet.thickness_mm
+        if sheet.is_assumed:
+            size_mm = 2.0 * self._half_mm(layout, self.margin_pitch)
         longest_mm = np.minimum(layout.pitch_mm, self.element_thickness * thickness_mm)
         longest_mm = np.maximum(longest_mm, self.min_element_thickness * thickness_mm)
         count = np.maximum(np.rint(size_mm / longest_mm), 4)
         count = np.maximum(np.floor(count * min(1.0, np.sqrt(self.max_elements / np.prod(count)))), 4)
-        centre_mm = np.zeros(2) if sheet.centre_mm is None else sheet.centre_mm
         return SplinePatch(
-            size_mm=(float(size_mm[0]), float(size_mm[1])),
-            elements=(int(count[0]), int(count[1])),
-            centre_mm=(float(centre_mm[0]), float(centre_mm[1])),
+            size_mm=(float(size_mm[0]), float(size_mm[1])), elements=(int(count[0]), int(count[1]))
         )
 
-    def _inner_mm(self, layout: Layout, sheet: Sheet, patch: SplinePatch, reach_mm: Scalars) -> Sides:
-        """`ForceNodes.inner_mm`: away from the clamp, or near the markers where the sheet goes on."""
-        ends = np.array([-1.0, 1.0])
-        limits_mm: Sides = np.array(patch.centre_mm)[:, None] + ends * reach_mm[:, None]
+    def _half_mm(self, layout: Layout, beyond_pitch: float) -> Scalars:
+        """(2,) distance from the origin of what is so many pitches beyond the outermost markers."""
+        return np.asarray(np.abs(layout.rest_mm[:, :2]).max(axis=0) + beyond_pitch * layout.pitch_mm)
+
+    def _is_beyond(self, layout: Layout, sheet: Sheet, patch: SplinePatch) -> Mask:
+        """`ForceNodes.is_beyond`."""
         if not sheet.is_assumed:
-            return limits_mm
-        half_mm = np.abs(layout.rest_mm[:, :2]).max(axis=0) + self.open_pitch * layout.pitch_mm
-        is_open = are_open(layout, sheet.size_mm, sheet.centre_mm)
-        limits_mm[is_open] = (ends * half_mm[:, None])[is_open]
-        return limits_mm
+            return np.zeros(len(patch.place_mm), dtype=np.bool_)
+        half_mm = self._half_mm(layout, self.beyond_pitch)
+        return np.asarray((np.abs(patch.place_mm) > half_mm).any(axis=1))
 
     def _shell(self, patch: SplinePatch, sheet: Sheet) -> Shell:
         """The shell; its pretension is 0 where E is not known."""

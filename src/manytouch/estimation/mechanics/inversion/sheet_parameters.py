@@ -91,7 +91,7 @@ def sheet_variants(model: InversionModel, sheet: Sheet) -> tuple[SheetVariant, .
                 std_over_step=poisson_std / abs(_POISSON_STEP),
             )
         )
-    if shell.patch.boundary == "clamped":
+    if shell.patch.boundary == "clamped" and not sheet.is_assumed:
         larger, outline = _larger(shell, _STEP * shell.thickness_mm), std.outline_mm / shell.thickness_mm
         found.append(
             SheetVariant(
