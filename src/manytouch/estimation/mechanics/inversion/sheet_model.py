@@ -171,15 +171,12 @@ class NominalSheet:
     thickness_depth: float = 0.6
     assumed_view_std: float = 0.15
 
-    def __call__(
-        self, sensor: Sensor, usual_std_px: float, pretension_over_E_mm: float | None = None
-    ) -> InversionModel:
+    def __call__(self, sensor: Sensor, usual_std_px: float) -> InversionModel:
         """The model of a sensor's sheet.
 
         Args:
             sensor: with a layout.
             usual_std_px: the usual standard deviation of the marker images.
-            pretension_over_E_mm: instead of that of the sheet.
 
         Raises:
             SensorError: the sensor has no layout.
@@ -189,8 +186,6 @@ class NominalSheet:
         sheet = assumed_sheet(layout) if sensor.sheet is None else sensor.sheet
         pitch_mm, thickness_mm = float(np.sqrt(np.prod(layout.pitch_mm))), sheet.thickness_mm
         shell = self._shell(self._patch(layout, sheet), sheet)
-        if pretension_over_E_mm is not None:
-            shell = replace(shell, pretension_over_E_mm=pretension_over_E_mm)
         patch = shell.patch
         dots = MarkerImages(
             shell=shell,

@@ -171,17 +171,6 @@ class PretensionEstimate:
     best: float = 0.0
     scatter_mm2: float = 0.0
 
-    def times(self, ratio: float) -> "PretensionEstimate":
-        """The same strain of a sheet whose thickness is larger by a ratio."""
-        return replace(
-            self,
-            mean_mm=self.mean_mm * ratio,
-            std_mm=self.std_mm * ratio,
-            information=self.information / ratio**2,
-            best=self.best / ratio**2,
-            scatter_mm2=self.scatter_mm2 * ratio**2,
-        )
-
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PretensionEstimator:
