@@ -51,6 +51,8 @@ class UndescribedFrames:
     Attributes:
         marker_surface: depth of the markers without a model of the sheet.
         contact_finder: finds contacts without one.
+        least_inner: an assumed sheet with fewer markers two pitches inside the outermost ones describes no
+            frame: forces beyond few markers explain any motion.
         model_share: standard deviation of a marker image by the wrong parameters of the sheet, over the RMS
             motion of the markers in this frame.
         most_misfit: largest RMS residual of a sheet that is described, over the RMS motion of the markers.
@@ -78,6 +80,7 @@ class UndescribedFrames:
 
     marker_surface: MarkerSurface = field(default_factory=MarkerSurface)
     contact_finder: ContactFinder = field(default_factory=uncalibrated_contact_finder)
+    least_inner: int = 12
     model_share: float = 0.005
     most_misfit: float = 0.07
     doubtful_misfit: float = 0.035
@@ -142,6 +145,8 @@ class UndescribedFrames:
         """
         if not model.is_assumed:
             return undescribed % self.retry_frames < self.wait_frames
+        if model.inner_markers < self.least_inner:
+            return False
         if undescribed == 0:
             return True
         return _rms(grid.position_px - reference_px, grid) > self.moved_stds * _noise_px(grid)

@@ -91,3 +91,28 @@ def test_only_pressed_frames_count_against_a_sheet(pressed: tuple[np.ndarray, np
         state, surface, _ = ESTIMATE.step(state, grid_of(rest_px, moved_px, seed=number))
     assert surface.status is Status.OK
     assert (state.unlike, state.undescribed) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "is_known", "is_described"),
+    [(6, 9, False, False), (7, 7, False, False), (7, 8, False, True), (6, 9, True, True)],
+)
+def test_few_markers_show_a_sheet_only_if_it_is_known(
+    rows: int, columns: int, is_known: bool, is_described: bool
+) -> None:
+    size_mm = np.array([columns + 1, rows + 1]) * PITCH_MM
+    known = Sensor(
+        name="test",
+        camera=straight_camera(1600, 1200, focal_px=1500.0, distance_mm=100.0),
+        layout=lattice_layout(rows, columns, PITCH_MM),
+        sheet=Sheet(size_mm=size_mm, thickness_mm=3.0, poisson=0.45, young_MPa=1.0, pretension_N_per_mm=0.0),
+    )
+    model = ESTIMATE.start(known).model
+    pressed = bent(model, (3.0, 2.0, 0.5))
+    state = ESTIMATE.start(known if is_known else replace(known, sheet=None))
+    for number, shape in enumerate([np.zeros_like(pressed), *3 * [pressed]]):
+        at_px = project(model.camera, model.layout.rest_mm) + model.dots.displacement_px(shape)
+        grid = grid_at(at_px, std_px=0.02, noise_px=0.02, seed=number)
+        state, surface, contacts = ESTIMATE.step(state, grid)
+    assert (surface.spline is not None) == is_described
+    assert len(contacts.touching) == 1

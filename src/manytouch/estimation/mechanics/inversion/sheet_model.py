@@ -46,6 +46,7 @@ class InversionModel:
         young_relative_std: its standard deviation over its value.
         is_excluded: (n,) nodes so near a clamp that they have its forces, or beyond the markers of an assumed
             sheet.
+        inner_markers: number of markers two pitches or more inside the outermost ones.
         is_assumed: whether thickness and outline were assumed.
         assumed_depth_std: relative standard deviation of depths by what was assumed of sheet and camera.
     """
@@ -64,6 +65,7 @@ class InversionModel:
     young_MPa: float | None
     young_relative_std: float
     is_excluded: Mask
+    inner_markers: int
     is_assumed: bool
     assumed_depth_std: float
 
@@ -227,6 +229,9 @@ class NominalSheet:
             young_MPa=sheet.young_MPa if sensor.scale_is_known else None,
             young_relative_std=_young_relative_std(sheet),
             is_excluded=read_only((off_mm > reach_mm).any(axis=1) | is_beyond),
+            inner_markers=int(
+                (np.abs(layout.rest_mm[:, :2]) < self._half_mm(layout, -1.5)).all(axis=1).sum()
+            ),
             is_assumed=sheet.is_assumed,
             assumed_depth_std=self._assumed_depth_std(sensor, sheet),
         )
