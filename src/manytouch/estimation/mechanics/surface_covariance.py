@@ -48,7 +48,7 @@ class DisplacementCovariance:
             thickness.
         depth_share: standard deviation along z in proportion to the depth, over the depth.
         level_share: standard deviation along z of all markers of an assumed sheet, over the largest depth:
-            what holds the sheet beyond them is not known.
+            what holds the sheet beyond them is not known. Chosen on six sheets (ADR 173).
         lateral_share: the model's standard deviation along x and y, over that along z.
         unseen_factor: multiplies the standard deviations of markers that are not seen.
     """

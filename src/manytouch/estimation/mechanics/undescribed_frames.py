@@ -57,13 +57,14 @@ class UndescribedFrames:
             motion of the markers in this frame.
         most_misfit: largest RMS residual of a sheet that is described, over the RMS motion of the markers.
         doubtful_misfit: the same of an assumed sheet that does not show the contact of the frame before,
-            which the markers without a sheet show.
+            which the markers without a sheet show. Chosen on one recording of a real sheet (ADR 173).
         misfit_pitch: residuals below this are no misfit, in pitches.
         light_misfit: largest RMS residual that noise does not explain, over the RMS motion, where an assumed
             sheet moves little. Presses on 39 simulated sheets have .07 to .17 at best, those on 16 pads .2
             or more.
         unlike_frames, unlike_misfit: after so many pressed frames in a row that an assumed sheet does not
             describe, its largest RMS residual is this share of the RMS motion: it is hardly a sheet.
+            Chosen on the same recording.
         noise_stds: noise explains an RMS residual of this many deviations of the positions of the markers.
         most_chi2: least mean square of residuals over their deviation that is a misfit of a known sheet; the
             varied cases, with drawn sensor files too, have 5 at most.

@@ -257,8 +257,8 @@ class ForceClusters:
         floor_share: nodes below this share of the highest smoothed force belong to no cluster.
         floor: nodes below this smoothed force belong to no cluster.
         min_share: least normal force of a cluster over that of the strongest one, which may be beyond the
-            markers. With 0.04, presses of 2 to
-            4 % were left out whose forces were within 5 %; 0.01 adds no false contact (ADR 158).
+            markers. With 0.04, presses of 2 to 4 % were left out whose forces were within 5 %; 0.01 adds no
+            false contact (ADR 158).
         min_share_if_assumed: the same on an assumed sheet, which causes forces in proportion to that one.
     """
 
