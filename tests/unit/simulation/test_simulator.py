@@ -2,9 +2,8 @@
 
 import gc
 import weakref
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from manytouch.geometry.refraction import project_through_window
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.render.discs import Look
 from manytouch.simulation.render.dot_ellipses import polygon_ellipses
-from manytouch.simulation.scene.moving_sheet import MovingSheet
+from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.simulator import Simulator
 from manytouch.sources.simulated import simulated_source
 from manytouch.values import Phase
@@ -66,19 +65,16 @@ def test_the_truth_of_a_frame_has_the_dots_of_its_picture(monkeypatch: pytest.Mo
     assert len(drawn) == 2
 
 
-class WatchedScene:
-    """A scene whose end can be seen."""
-
-    def __init__(self, scene: MovingSheet) -> None:
-        self.scene = scene
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.scene, name)
+class WatchedScene(SolidScene):
+    """A scene whose end can be seen: without slots, it has weak references."""
 
 
 def test_a_simulator_ends_with_its_last_reference() -> None:
     """A suite makes hundreds of them, with large scenes."""
-    scene: Any = WatchedScene(fingers().scene)
+    known = fingers().scene
+    assert isinstance(known, SolidScene)
+    given = {each.name: getattr(known, each.name) for each in fields(known) if each.init}
+    scene = WatchedScene(**given)
     simulator, seen = replace(fingers(), scene=scene), weakref.ref(scene)
     simulator.truth(BUSY)
     gc.disable()
