@@ -39,6 +39,18 @@ def _shape(draw: np.random.Generator) -> Part:
     return shapes[int(draw.integers(5))]
 
 
+def _long_shape(draw: np.random.Generator) -> Part:
+    """In two of three cases a lying cylinder or a bar, 12 to 45 mm long, else a ball of 2 to 10 mm."""
+    size_mm = float(np.exp(draw.uniform(np.log(2.0), np.log(10.0))))
+    if draw.random() >= 0.65:
+        return {"kind": "sphere", "radius_mm": size_mm}
+    length_mm = float(draw.uniform(12.0, 45.0))
+    if draw.random() < 0.6:
+        return {"kind": "cylinder", "radius_mm": max(0.4 * size_mm, 1.5), "length_mm": length_mm}
+    width_mm = max(0.15, float(draw.uniform(0.1, 0.4))) * length_mm
+    return {"kind": "square_punch", "side_mm": [length_mm, width_mm]}
+
+
 def _reach_mm(shape: Part) -> float:
     """How far a shape reaches from its middle, about."""
     match shape["kind"]:
@@ -54,8 +66,11 @@ def _reach_mm(shape: Part) -> float:
             return float(0.5 * shape["length_mm"])
 
 
-def moving_bodies(draw: np.random.Generator, sensor: Part) -> list[Part]:
-    """One to five bodies that press, slide, roll or turn, at least 2.5 thicknesses or 6 mm apart."""
+def moving_bodies(draw: np.random.Generator, sensor: Part, *, are_long: bool = False) -> list[Part]:
+    """One to five bodies that press, slide, roll or turn, at least 2.5 thicknesses or 6 mm apart.
+
+    `are_long`: most are cylinders and bars.
+    """
     size_mm, thickness_mm = np.array(sensor["sheet"]["size_mm"]), float(sensor["sheet"]["thickness_mm"])
     wanted = int(draw.choice([1, 2, 2, 3, 3, 4, 5]))
     return _placed(
@@ -63,7 +78,7 @@ def moving_bodies(draw: np.random.Generator, sensor: Part) -> list[Part]:
         wanted,
         tries=200,
         apart_mm=max(2.5 * thickness_mm, 6.0),
-        shape_of=_shape,
+        shape_of=_long_shape if are_long else _shape,
         reach_of=_reach_mm,
         room_of=lambda reach_mm: 0.5 * size_mm - reach_mm - 2.5 * thickness_mm - 2.0,
         least_room_mm=1.0,

@@ -1,16 +1,19 @@
 """Errors on sensors and scenes that are drawn from a seed, and that no choice was made on.
 
     python benchmarks/random_scenes.py --out DIR [--first 0] [--scenes 6] [--pads] [--moving] [--drawn]
+                                             [--long] [--layouts]
 
-Each scene has a sensor of its own (size, thickness, modulus, pretension or depth of the markers, pitch, light
-or dark dots, lens, camera, noise, missing dots, dust) and one to three bodies of five shapes, some with
-friction, that begin and end at different times; with `--moving` up to five bodies on larger sheets, which
-press deeper, and of which some slide, roll or turn (`moving_scenes`). With `--pads --moving` they move on
-pads, many of them lightly. Contacts less than 0.3 mm deep are not in the usual figures: those of all contacts
-are printed too, in frames with 0.3 of their largest force or more. The commands `simulate` and `process` are
-run as users run them, with the exact sensor file, or with `--drawn` with one that has the errors of a careful
-user; what they write into DIR stays there. Scene number n is the same on every machine. Some lines for
-each scene is printed, then the figures of all.
+Each scene has a sensor of its own (size, thickness, modulus, pretension or depth of the markers, pitch,
+light or dark dots, lens, camera, noise, missing dots, dust) and one to three bodies of five shapes, some
+with friction, that begin and end at different times; with `--moving` up to five bodies on larger sheets,
+which press deeper, and of which some slide, roll or turn (`moving_scenes`). With `--pads --moving` they
+move on pads, many of them lightly. `--long` and `--layouts` are scenes as with `--moving`: with cylinders
+and bars of 12 to 45 mm, and with markers that are not a square lattice over the whole sheet
+(`marker_layouts`). Contacts less than 0.3 mm deep are not in the usual figures: those of all contacts are
+printed too, in frames with 0.3 of their largest force or more. The commands `simulate` and `process` are
+run as users run them, with the exact sensor file, or with `--drawn` with one that has the errors of a
+careful user; what they write into DIR stays there. Scene number n is the same on every machine. Some lines
+for each scene are printed, then the figures of all.
 """
 
 import argparse
@@ -21,6 +24,7 @@ from typing import Any
 
 import numpy as np
 import tomlkit
+from marker_layouts import with_layout
 from moving_scenes import PAD_SEED as MOVING_PAD_SEED
 from moving_scenes import SECONDS as MOVING_SECONDS
 from moving_scenes import SEED as MOVING_SEED
@@ -230,7 +234,7 @@ def manytouch(*arguments: str, folder: Path) -> None:
 def sensor_and_scene(number: int, kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
     """Contents of the sensor file and the scene file with this number.
 
-    `kind`: sheet, pad, moving or moving-pad.
+    `kind`: sheet, pad, moving, moving-pad, long or layouts.
     """
     name = f"{kind}-{number}"
     if kind == "moving-pad":
@@ -238,12 +242,13 @@ def sensor_and_scene(number: int, kind: str) -> tuple[dict[str, Any], dict[str, 
         sensor = pad_sensor(draw, name)
         bodies = moving_pad_bodies(draw, sensor)
         return sensor, scene_of(draw, name, sensor, bodies, seconds=SECONDS, solid={"step_mm": 0.3})
-    if kind == "moving":
+    if kind in {"moving", "long", "layouts"}:
         draw = np.random.default_rng(MOVING_SEED + number)
         sensor = moving_sensor(draw, name)
-        bodies = moving_bodies(draw, sensor)
+        bodies = moving_bodies(draw, sensor, are_long=kind == "long")
         solid = {"step_mm": 1.5, "element_mm": max(1.8, float(sensor["sheet"]["size_mm"][0]) / 44.0)}
-        return sensor, scene_of(draw, name, sensor, bodies, seconds=MOVING_SECONDS, solid=solid)
+        scene = scene_of(draw, name, sensor, bodies, seconds=MOVING_SECONDS, solid=solid)
+        return (with_layout(number, sensor) if kind == "layouts" else sensor), scene
     is_pad = kind == "pad"
     draw = np.random.default_rng((PAD_SEED if is_pad else SHEET_SEED) + number)
     sensor = pad_sensor(draw, name) if is_pad else sheet_sensor(draw, name)
@@ -278,11 +283,11 @@ def errors_of(
     given = ("--sensor", sensor_file, "--fps", f"{FPS:g}")
     manytouch("process", "simulated/frames", *given, "--out", results, folder=folder)
     sheet = sensor["sheet"]
-    thickness_mm, pitch_mm = float(sheet["thickness_mm"]), float(sensor["markers"]["pitch_mm"])
+    thickness_mm = float(sheet["thickness_mm"])
     kinds = [f"{body['shape']['kind']} {depth_of(body) / thickness_mm:.2f}" for body in scene["bodies"]]
     print(
-        f"{name}: {sheet['size_mm'][0]:.0f} x {sheet['size_mm'][1]:.0f} x {thickness_mm:.1f} mm, "
-        f"{sensor['markers']['columns']} x {sensor['markers']['rows']} dots, pitch {pitch_mm:.1f} mm; "
+        f"{sensor['name']}: {sheet['size_mm'][0]:.0f} x {sheet['size_mm'][1]:.0f} x {thickness_mm:.1f} mm, "
+        f"{dots_of(sensor['markers'])}; "
         f"depths in thicknesses: {', '.join(kinds)}"
     )
     truth, result = load_truth(folder / "simulated" / "truth"), load_result(folder / results / "frames")
@@ -290,6 +295,14 @@ def errors_of(
     print("   ", summary_of(errors))
     print("   ", summary_of_every(every), flush=True)
     return errors, every
+
+
+def dots_of(markers: dict[str, Any]) -> str:
+    """Number and pitch of the dots."""
+    if "rest_mm" in markers:
+        return f"{len(markers['rest_mm'])} dots"
+    pitch_mm = " x ".join(f"{each:.1f}" for each in np.atleast_1d(markers["pitch_mm"]))
+    return f"{markers['columns']} x {markers['rows']} dots, pitch {pitch_mm} mm"
 
 
 def errors_of_every_contact(
@@ -372,10 +385,13 @@ def main() -> None:
     parser.add_argument(
         "--moving", action="store_true", help="bodies that slide, roll and turn; sheets are larger"
     )
+    parser.add_argument("--long", action="store_true", help="--moving with cylinders and bars")
+    parser.add_argument("--layouts", action="store_true", help="--moving with other arrangements of the dots")
     parser.add_argument("--drawn", action="store_true", help="sensor files with the errors of a careful user")
     given = parser.parse_args()
     numbers = range(given.first, given.first + given.scenes)
     chosen = "-".join([*["moving"] * given.moving, *["pad"] * given.pads]) or "sheet"
+    chosen = "long" if given.long else "layouts" if given.layouts else chosen
     found = [errors_of(number, given.out, chosen, is_drawn=given.drawn) for number in numbers]
     errors = [each for each, _ in found]
     print(f"all {len(errors)} scenes: {summary_of(pooled(errors, 'all'))}")
