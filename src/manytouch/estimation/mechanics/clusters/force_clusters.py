@@ -245,6 +245,19 @@ class EarlierClusters:
         away_mm = np.linalg.norm(self.centre_mm - place_mm, axis=1)
         return int(away_mm.argmin()) if away_mm.min(initial=np.inf) <= reach_mm else None
 
+    def growth(self, force_mm2: Scalars, place_mm: Points2, reach_mm: float) -> float:
+        """Force of clusters over that with which the markers last showed one contact there; else infinite.
+
+        Args:
+            force_mm2: (k,) their normal forces over E.
+            place_mm: (k, 2) their centres.
+            reach_mm: largest distance of the centre of their forces from that contact.
+        """
+        total_mm2 = float(force_mm2.sum())
+        before = self.nearest(force_mm2 @ place_mm / total_mm2, reach_mm)
+        one_mm2 = 0.0 if before is None else float(self.one_mm2[before])
+        return total_mm2 / one_mm2 if one_mm2 > 0.0 else np.inf
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ForceClusters:

@@ -15,11 +15,11 @@ sheet gives way less near a clamp)
 - if there are two that are not near each other, or three that are not in a row, and they began together and
   are about as deep and as strong: a face that presses with its ends only is nearly the same load as two
   balls. Two are not one if the markers clearly show balls;
-- if there are two that the markers showed as one contact before, and their force has not grown since;
+- if there are two that the markers showed as one contact before, and their force has not grown since; of
+  distant ones, one may be far weaker by then;
 - if two among others are about as deep and as strong, and were one contact in the previous frame.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -46,7 +46,7 @@ from manytouch.estimation.mechanics.clusters.joined_clusters import (
 )
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
-from manytouch.values.arrays import Scalars
+from manytouch.values.arrays import Mask, Scalars
 
 _PLANE = 4  # least number of clusters whose depths are not on one plane by chance
 
@@ -66,7 +66,7 @@ class _Frame:
         frames: (c,) number of frames for which there has been a contact at their centres, or 0.
         was_apart: (c, c) pairs that were two contacts in the previous frame.
         was_long_apart: (c, c) those of them that have been for more than `RigidFaces.undecided_frames`.
-        previous: contacts of the previous frame.
+        previous, earlier: contacts and clusters of the previous frame.
         evidence_at: gives the likelihood of the forces of some nodes.
     """
 
@@ -78,6 +78,7 @@ class _Frame:
     was_apart: Pairs
     was_long_apart: Pairs
     previous: PreviousContacts
+    earlier: EarlierClusters
     evidence_at: EvidenceAt
 
 
@@ -102,14 +103,15 @@ class RigidFaces:
             were 0, 3, 5 and 8. Two or three clusters began together if these numbers differ by no more.
         same_centre_pitch: clusters continue a contact of the previous frame if the centre of their forces is
             within this distance of its centre, in pitches.
-        max_jump: two clusters among others, or far apart with a contact between them, continue that contact
-            if their force is at most this factor of its force. A fainter one may have been seen as one only
-            because it was faint.
+        max_jump: two clusters among others of which one is about as deep, or far apart with a contact between
+            them, continue that contact if their force is at most this factor of its force. A fainter one may
+            have been seen as one only because it was faint.
         min_between: least distance of that contact from either of them, over their distance.
         unchanged_thickness: least distance of two clusters for `max_growth`. Two balls 2.0 thicknesses apart
             can be one contact while their force grows; ends of cylinders are 2.5 and more apart.
         max_growth: two clusters that continue one contact stay one as long as their force is at most this
-            factor of that with which the markers last showed one, unless the markers clearly show two.
+            factor of that with which the markers last showed one, unless they are near each other and the
+            markers clearly show two.
         released: below this share of that force they stay one whatever the markers show. Both factors were
             chosen on cylinders and blocks that are held and released (ADR 124).
         rise_mm, rise_share: by how much the sheet under one face may be less deep than the line between two
@@ -119,6 +121,8 @@ class RigidFaces:
             this standard deviation across the line between them, in thicknesses (shorter edges look like
             balls), and this one over that along it. Fingertips have a ratio of at most 1.6.
         min_alone_ratio: least ratio of the depths that the forces of clusters of one face would cause alone.
+        min_kept_alone_ratio: the same if they were one contact and their force has not grown (`max_growth`):
+            another object, which lowers the sheet there, may relieve one end of a body.
         max_depth_ratio, max_kept_depth_ratio: largest difference of the depths of two or three clusters, over
             the deepest one; the latter if they continue one contact, as a body may tilt.
         plane_share: largest distance of the depths of four clusters or more from a plane, over their depth.
@@ -148,6 +152,7 @@ class RigidFaces:
     edge_thickness: float = 0.75
     edge_ratio: float = 2.0
     min_alone_ratio: float = 0.3
+    min_kept_alone_ratio: float = 0.1
     max_depth_ratio: float = 0.06
     max_kept_depth_ratio: float = 0.12
     plane_share: float = 0.06
@@ -179,20 +184,16 @@ class RigidFaces:
         if len(clusters) < 2:
             return clusters
         depth_mm, is_flat, is_about_flat = self._flat_pairs(model, coefficient_mm, clusters)
-        frame = self._frame(model, clusters, depth_mm, evidence_at, previous)
+        frame = self._frame(model, clusters, depth_mm, evidence_at, previous, earlier=earlier)
         faces = self._planes(frame, is_flat)
         for is_one, least in ((is_about_flat & self._are_alike(frame), 3), (is_about_flat, 2)):
             is_left = is_in_none(faces, len(clusters))
             faces += self._pairs_and_triples(frame, is_one & is_left & is_left[:, None], least)
         is_left = is_in_none(faces, len(clusters))
-        is_pair = is_about_flat & ~frame.was_apart & is_left & is_left[:, None]
-        kept_faces = self._unchanged_faces(frame, is_pair, earlier, is_left)
-        joined = clusters
-        edge = self.edge_share, self.max_edge_mm
-        for own in faces:
-            joined = join_clusters(joined, clusters, own, edge, is_one_as_before=False)
-        for own in kept_faces:
-            joined = join_clusters(joined, clusters, own, edge, is_one_as_before=True)
+        kept_faces = self._unchanged_faces(frame, is_about_flat & ~frame.was_apart, is_left)
+        joined, edge = clusters, (self.edge_share, self.max_edge_mm)
+        for number, own in enumerate(faces + kept_faces):
+            joined = join_clusters(joined, clusters, own, edge, is_one_as_before=number >= len(faces))
         kept = np.flatnonzero(joined.force_mm2[:, 2] != 0.0)
         return joined.select(kept[np.argsort(-joined.normal_mm2[kept], kind="stable")])
 
@@ -203,6 +204,8 @@ class RigidFaces:
         depth_mm: Scalars,
         evidence_at: EvidenceAt,
         previous: PreviousContacts,
+        *,
+        earlier: EarlierClusters,
     ) -> _Frame:
         near, same = (
             nearest_within(clusters.centre_mm, previous.centre_mm, reach_pitch * model.pitch_mm)
@@ -220,6 +223,7 @@ class RigidFaces:
             was_apart=was_apart,
             was_long_apart=was_apart & (longer > self.undecided_frames),
             previous=previous,
+            earlier=earlier,
             evidence_at=evidence_at,
         )
 
@@ -249,26 +253,27 @@ class RigidFaces:
     def _kept_pairs(self, frame: _Frame, is_one: Pairs, group: Int64[np.ndarray, " g"]) -> list[Numbers]:
         """Faces of the pairs of a group that were one contact in the previous frame, the nearest first."""
         first, second = group[np.stack(np.triu_indices(len(group), 1))]
-        may_be = (is_one & self._are_alike(frame) & ~frame.was_apart)[first, second]
-        pairs = np.column_stack([first, second])[may_be]
+        is_level = self._are_level(frame)
+        may_be = is_one & is_level & ~frame.was_apart
+        pairs = np.column_stack([first, second])[may_be[first, second]]
         away_mm = np.linalg.norm(np.diff(frame.clusters.centre_mm[pairs], axis=1)[:, 0], axis=1)
         faces: list[Numbers] = []
         for pair in pairs[np.argsort(away_mm, kind="stable")]:
             own = pair[np.argsort(-frame.clusters.normal_mm2[pair], kind="stable")]
             left = group[is_in_none(faces, len(frame.clusters))[group]]
             is_left = np.isin(own, left).all()
-            if is_left and self._continues_one(frame, own, self.max_jump) and self._is_one(frame, own):
+            max_jump = self.max_jump if is_level[np.ix_(own, np.setdiff1d(group, own))].any() else np.inf
+            if is_left and self._continues_one(frame, own, max_jump) and self._is_one(frame, own):
                 faces.append(with_enclosed(frame.clusters, frame.model.nodes, own, left))
         return faces
 
-    def _unchanged_faces(
-        self, frame: _Frame, is_pair: Pairs, earlier: EarlierClusters, is_left: Bool[np.ndarray, " c"]
-    ) -> list[Numbers]:
+    def _unchanged_faces(self, frame: _Frame, is_pair: Pairs, is_left: Mask) -> list[Numbers]:
         """Faces of the pairs that stay one contact, of the clusters (c,) that are left."""
         faces: list[Numbers] = []
         is_left = is_left.copy()
-        for own in self._unchanged(frame, is_pair, earlier):
-            if is_left[own].all():
+        for pair in np.argwhere(np.triu(is_pair, 1)):
+            own = pair[np.argsort(-frame.clusters.normal_mm2[pair], kind="stable")]
+            if is_left[own].all() and self._is_unchanged(frame, own):
                 faces.append(with_enclosed(frame.clusters, frame.model.nodes, own, np.flatnonzero(is_left)))
                 is_left[faces[-1]] = False
         return faces
@@ -289,39 +294,40 @@ class RigidFaces:
         )
         return depth_mm, is_flat, is_about_flat
 
-    def _unchanged(
-        self, frame: _Frame, is_pair: Pairs, earlier: EarlierClusters
-    ) -> Iterator[Int64[np.ndarray, "2"]]:
-        """Near pairs whose force has not grown since the markers showed one contact; see `max_growth`."""
-        clusters = frame.clusters
-        for pair in np.argwhere(np.triu(is_pair, 1)):
-            own = pair[np.argsort(-clusters.normal_mm2[pair], kind="stable")]
-            force_mm2, place_mm = clusters.normal_mm2[own], clusters.centre_mm[own]
-            gap = float(np.linalg.norm(place_mm[1] - place_mm[0])) / frame.model.thickness_mm
-            is_near = self.unchanged_thickness <= gap < self.resolved_thickness
-            is_even = frame.alone_mm[own].min() >= self.min_alone_ratio * frame.alone_mm[own].max()
-            centre_mm = force_mm2 @ place_mm / force_mm2.sum()
-            before = earlier.nearest(centre_mm, self.same_centre_pitch * frame.model.pitch_mm)
-            one_mm2 = 0.0 if before is None else float(earlier.one_mm2[before])
-            if not (is_near and is_even and force_mm2.sum() <= self.max_growth * one_mm2):
-                continue
-            is_released = force_mm2.sum() <= self.released * one_mm2
-            if is_released or self._is_bar(frame, own, was_one=True, is_unchanged=True) is not False:
-                yield own
+    def _is_unchanged(self, frame: _Frame, own: Int64[np.ndarray, "2"]) -> bool:
+        """Whether a near pair has no more force than when it was seen as one contact; see `max_growth`."""
+        gap_mm = float(np.linalg.norm(np.diff(frame.clusters.centre_mm[own], axis=0)))
+        is_near = self.unchanged_thickness <= gap_mm / frame.model.thickness_mm < self.resolved_thickness
+        is_even = frame.alone_mm[own].min() >= self.min_alone_ratio * frame.alone_mm[own].max()
+        growth = self._growth(frame, own)
+        if not (is_near and is_even and growth <= self.max_growth):
+            return False
+        was = {"was_two": False, "was_one": True, "is_unchanged": True}
+        bars, clusters, evidence_at = self.bars, frame.clusters, frame.evidence_at
+        return growth <= self.released or bars(frame.model, clusters, own, evidence_at, **was) is not False
+
+    def _growth(self, frame: _Frame, own: Numbers) -> float:
+        """`EarlierClusters.growth` of clusters."""
+        force_mm2, place_mm = frame.clusters.normal_mm2[own], frame.clusters.centre_mm[own]
+        reach_mm = self.same_centre_pitch * frame.model.pitch_mm
+        return frame.earlier.growth(force_mm2, place_mm, reach_mm)
 
     def _are_alike(self, frame: _Frame) -> Pairs:
         """(c, c) pairs that are about as deep and as strong."""
-        alone_mm, depth_mm = frame.alone_mm, frame.depth_mm
+        alone_mm = frame.alone_mm
         ratio = np.minimum.outer(alone_mm, alone_mm) / np.maximum.outer(alone_mm, alone_mm)
-        off_mm = np.abs(np.subtract.outer(depth_mm, depth_mm))
-        limit_mm = self.max_depth_ratio * np.maximum.outer(depth_mm, depth_mm) + self.rise_mm
-        return np.asarray((ratio >= self.min_alone_ratio) & (off_mm <= limit_mm))
+        return np.asarray((ratio >= self.min_alone_ratio) & self._are_level(frame))
+
+    def _are_level(self, frame: _Frame) -> Pairs:
+        """(c, c) pairs that are about as deep."""
+        off_mm = np.abs(np.subtract.outer(frame.depth_mm, frame.depth_mm))
+        limit_mm = self.max_depth_ratio * np.maximum.outer(frame.depth_mm, frame.depth_mm) + self.rise_mm
+        return np.asarray(off_mm <= limit_mm)
 
     def _is_plane(self, frame: _Frame, own: Numbers, is_flat: Pairs) -> bool:
         """Whether there are four clusters or more, or three in a row, with depths on one plane.
 
-        Of four or more that are not in a row, each is flat with two others: the two next to a corner or on a
-        rim.
+        Of four or more that are not in a row, each is flat with two others, next to a corner or on a rim.
         """
         if len(own) < _PLANE - 1:
             return False
@@ -338,29 +344,25 @@ class RigidFaces:
         """
         was_two = bool(frame.was_apart[np.ix_(own, own)].any())
         was_one = not was_two and self._continues_one(frame, own)
+        is_as_before = was_one and self._growth(frame, own) <= self.max_growth
         if len(own) == 2:
             if not was_two and self._are_edges(frame, own):
                 return True
             gap_mm = float(np.linalg.norm(np.diff(frame.clusters.centre_mm[own], axis=0)))
             least = self.kept_thickness if was_one else self.resolved_thickness
             is_far = gap_mm >= least * frame.model.thickness_mm
-            is_bar = self._is_bar(frame, own, was_two=was_two, was_one=was_one, may_be_ends=is_far)
-            if is_bar is not None:
+            ends = {"was_two": was_two, "was_one": was_one, "may_be_ends": is_far}
+            is_bar = self.bars(frame.model, frame.clusters, own, frame.evidence_at, **ends)
+            if is_bar or (is_bar is not None and not (is_far and is_as_before)):
                 return is_bar
-        return not was_two and self._began_as_one(frame, own, was_one=was_one)
+        return not was_two and self._began_as_one(frame, own, was_one=was_one, is_as_before=is_as_before)
 
     def _are_edges(self, frame: _Frame, own: Int64[np.ndarray, "2"]) -> bool:
-        """Whether two clusters are as deep and as strong as each other, and long across the line between."""
+        """Whether two clusters are alike, and long across the line between."""
         along_mm2, across_mm2 = moments_of_pair(frame.clusters, own)
         least_mm2 = (self.edge_thickness * frame.model.thickness_mm) ** 2
         is_long = across_mm2 >= np.maximum(least_mm2, self.edge_ratio**2 * along_mm2)
         return bool(is_long.all() and self._are_alike(frame)[own[0], own[1]])
-
-    def _is_bar(
-        self, frame: _Frame, own: Int64[np.ndarray, "2"], *, was_two: bool = False, **given: bool
-    ) -> bool | None:
-        """Whether the markers show a pair to be one bar, see `BarRule`; None where they do not decide."""
-        return self.bars(frame.model, frame.clusters, own, frame.evidence_at, was_two=was_two, **given)
 
     def _continues_one(self, frame: _Frame, own: Numbers, max_jump: float = np.inf) -> bool:
         """Whether there was a contact at the centre of the forces of clusters, or between two distant ones.
@@ -383,15 +385,16 @@ class RigidFaces:
             is_same |= is_passed & (force.sum() / self.max_jump <= previous.normal_mm2)
         return bool((is_same & is_own).any())
 
-    def _began_as_one(self, frame: _Frame, own: Numbers, *, was_one: bool) -> bool:
+    def _began_as_one(self, frame: _Frame, own: Numbers, *, was_one: bool, is_as_before: bool) -> bool:
         """Whether two or three clusters are alike, and were one contact or began together, far apart."""
         depth_mm, alone_mm = frame.depth_mm[own], frame.alone_mm[own]
         off_share = self.max_kept_depth_ratio if was_one else self.max_depth_ratio
+        min_ratio = self.min_kept_alone_ratio if is_as_before else self.min_alone_ratio
         extent_mm = float(np.linalg.norm(np.ptp(frame.clusters.centre_mm[own], axis=0)))
         return bool(
             len(own) < _PLANE
             and (was_one or np.ptp(frame.frames[own]) <= self.undecided_frames)
             and (was_one or extent_mm >= self.min_pair_elements * float(frame.model.nodes.element_mm.max()))
-            and alone_mm.min() >= self.min_alone_ratio * alone_mm.max()
+            and alone_mm.min() >= min_ratio * alone_mm.max()
             and np.ptp(depth_mm) <= off_share * depth_mm.max() + self.rise_mm
         )

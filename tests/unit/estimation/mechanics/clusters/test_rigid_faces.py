@@ -159,6 +159,52 @@ def test_near_ends_that_the_markers_show_apart_are_one_only_while_they_are_relea
     assert len(joined(*load, earlier=earlier, evidence=evidence)) == count
 
 
+@pytest.mark.parametrize(
+    ("one_mm2", "ratio", "count"),
+    [
+        (1.0, 0.15, 1),
+        (0.8, 0.15, 2),  # the force has grown
+        (1.0, 0.05, 2),
+        (0.0, 0.4, 1),
+    ],
+)
+def test_a_distant_end_may_be_relieved_while_the_force_does_not_grow(
+    one_mm2: float, ratio: float, count: int
+) -> None:
+    """Another object lowers the sheet under one end of a body that does not move."""
+    load = row_mm(8.0, 2), [1.0, 1.0], [1.0 / (1.0 + ratio), ratio / (1.0 + ratio)]
+    apart = joined(*load, row_mm(8.0, 2))
+    assert len(apart) == 2
+    middle_mm = (apart.normal_mm2 @ apart.centre_mm)[None]
+    earlier = EarlierClusters(centre_mm=middle_mm, one_mm2=np.array([one_mm2]), nodal_mm2=np.zeros(0))
+    assert len(joined(*load, middle_mm, earlier=earlier)) == count
+
+
+@pytest.mark.parametrize(("one_mm2", "count"), [(2.0, 1), (1.5, 2), (0.0, 2)])
+def test_distant_ends_that_the_markers_show_apart_are_one_only_while_the_force_does_not_grow(
+    one_mm2: float, count: int
+) -> None:
+    """A model that is wrong in the same way as before is no new evidence."""
+    load = row_mm(4.5, 2), [1.0, 1.0], [1.0, 1.0]
+    middle_mm = joined(*load, row_mm(4.5, 2)).centre_mm.mean(axis=0)[None]
+    earlier = EarlierClusters(centre_mm=middle_mm, one_mm2=np.array([one_mm2]), nodal_mm2=np.zeros(0))
+    evidence = evidence_of([1.0, 4.5, 0.0, 1.0, -4.5, 0.0, 0.6])
+    faces = RigidFaces(bars=BarRule(max_ends_f=0.0))
+    assert len(joined(*load, middle_mm, earlier=earlier, evidence=evidence, faces=faces)) == count
+
+
+@pytest.mark.parametrize("depth_mm", [0.8, 1.2])
+def test_ends_that_were_one_faint_contact_stay_one_next_to_a_body_of_another_depth(depth_mm: float) -> None:
+    """A body of about the same depth may have been a part of what was seen as one contact."""
+    place_mm = np.concatenate([row_mm(8.0, 2), [[0.0, 12.0]]])
+    force_mm2, before_mm = [0.01, 0.01, 0.03], np.array([[0.0, -1.4], [0.0, 12.9]])
+    faces = RigidFaces(pair_rise_share=0.3)  # for a sheet with a step between its two depths
+    found = joined(place_mm, [1.0, 1.0, depth_mm], force_mm2, before_mm, previous_mm2=0.005, faces=faces)
+    assert found.normal_mm2 == pytest.approx([0.03, 0.02])
+    found = joined(place_mm, [1.0, 1.0, 1.0], force_mm2, before_mm, previous_mm2=0.005)
+    assert len(found) == 3
+
+
 def row_mm(half_mm: float, count: int) -> np.ndarray:
     return np.column_stack([np.linspace(-half_mm, half_mm, count), np.zeros(count)])
 
