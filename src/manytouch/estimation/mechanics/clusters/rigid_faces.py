@@ -17,7 +17,7 @@ sheet gives way less near a clamp)
   balls. Two are not one if the markers clearly show balls;
 - if there are two that the markers showed as one contact before, and their force has not grown since; of
   distant ones, one may be far weaker by then;
-- if two among others are about as deep and as strong, and were one contact in the previous frame.
+- if two among others were one contact in the previous frame, and would be one if they were alone.
 """
 
 from dataclasses import dataclass, field
@@ -253,11 +253,10 @@ class RigidFaces:
     def _kept_pairs(self, frame: _Frame, is_one: Pairs, group: Int64[np.ndarray, " g"]) -> list[Numbers]:
         """Faces of the pairs of a group that were one contact in the previous frame, the nearest first."""
         first, second = group[np.stack(np.triu_indices(len(group), 1))]
-        is_level = self._are_level(frame)
-        may_be = is_one & is_level & ~frame.was_apart
-        pairs = np.column_stack([first, second])[may_be[first, second]]
+        pairs = np.column_stack([first, second])[(is_one & ~frame.was_apart)[first, second]]
         away_mm = np.linalg.norm(np.diff(frame.clusters.centre_mm[pairs], axis=1)[:, 0], axis=1)
         faces: list[Numbers] = []
+        is_level = self._are_level(frame)
         for pair in pairs[np.argsort(away_mm, kind="stable")]:
             own = pair[np.argsort(-frame.clusters.normal_mm2[pair], kind="stable")]
             left = group[is_in_none(faces, len(frame.clusters))[group]]

@@ -288,6 +288,17 @@ def test_a_body_with_two_ends_may_tilt(depth_mm: float, before_mm: np.ndarray, c
     assert len(found) == count
 
 
+@pytest.mark.parametrize(("depth_mm", "count"), [(0.91, 2), (0.85, 3)])
+def test_a_body_with_two_ends_may_tilt_next_to_another(depth_mm: float, count: int) -> None:
+    place_mm, before_mm = (
+        np.concatenate([row_mm(8.0, 2), [[0.0, 12.0]]]),
+        np.array([[0.0, -1.4], [0.0, 12.9]]),
+    )
+    faces = RigidFaces(pair_rise_share=0.3)  # for a sheet with steps between its depths
+    found = joined(place_mm, [1.0, depth_mm, 1.4], [0.01, 0.01, 0.03], before_mm, faces=faces)
+    assert len(found) == count
+
+
 @pytest.mark.parametrize("count", [2, 3])
 def test_fewer_forces_that_were_apart_stay_apart(count: int) -> None:
     place_mm = row_mm(14.0, count)
