@@ -69,7 +69,7 @@ def _reach_mm(shape: Part) -> float:
 def moving_bodies(draw: np.random.Generator, sensor: Part, *, are_long: bool = False) -> list[Part]:
     """One to five bodies that press, slide, roll or turn, at least 2.5 thicknesses or 6 mm apart.
 
-    `are_long`: most are cylinders and bars.
+    `are_long`: cylinders and bars as `_long_shape` draws them, of which those that do not fit are left out.
     """
     size_mm, thickness_mm = np.array(sensor["sheet"]["size_mm"]), float(sensor["sheet"]["thickness_mm"])
     wanted = int(draw.choice([1, 2, 2, 3, 3, 4, 5]))

@@ -385,7 +385,7 @@ def main() -> None:
     parser.add_argument(
         "--moving", action="store_true", help="bodies that slide, roll and turn; sheets are larger"
     )
-    parser.add_argument("--long", action="store_true", help="--moving with cylinders and bars")
+    parser.add_argument("--long", action="store_true", help="--moving with many cylinders and bars")
     parser.add_argument("--layouts", action="store_true", help="--moving with other arrangements of the dots")
     parser.add_argument("--drawn", action="store_true", help="sensor files with the errors of a careful user")
     given = parser.parse_args()
