@@ -135,7 +135,7 @@ def _notes(pattern: Pattern, keep: Mask) -> tuple[str, ...]:
     notes = []
     odd = int((keep & ~pattern.alike).sum())
     if odd:
-        notes.append(f"{odd} of {int(keep.sum())} dots are weak, damaged or irregular")
+        notes.append(f"{odd} of {int(keep.sum())} dots are weak, damaged or irregular.")
     if pattern.regular < 0.5:
-        notes.append("the dots are not a locally regular pattern")
+        notes.append("The dots are not a locally regular pattern.")
     return tuple(notes)

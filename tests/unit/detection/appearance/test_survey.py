@@ -232,3 +232,15 @@ def test_images_without_dots_are_refused(name: str) -> None:
 def test_frames_without_images_are_refused() -> None:
     with pytest.raises(LayoutError, match="decoded"):
         survey([frame(None)])
+
+
+def test_an_irregular_pattern_is_stated_in_a_sentence() -> None:
+    rng = np.random.default_rng(4)
+    centre_px = np.zeros((0, 2))
+    for tried_px in rng.uniform([15.0, 15.0], [WIDTH - 15.0, HEIGHT - 15.0], (2000, 2)):
+        if np.all(np.linalg.norm(centre_px - tried_px, axis=1) > 20.0):
+            centre_px = np.vstack([centre_px, tried_px])
+    notes = survey([frame(render(centre_px, 5.0, Look(**DARK)))]).notes
+    assert "The dots are not a locally regular pattern." in notes
+    assert all(note.endswith(".") for note in notes)
+    assert survey([frame(render(lattice(16, 12, 30.0), 5.0, Look(**DARK)))]).notes == ()
