@@ -59,14 +59,12 @@ def _places(draw: np.random.Generator, layout: str, size_mm: np.ndarray, pitch_m
             if np.all(np.linalg.norm(place_mm - tried_mm, axis=1) > 0.75 * pitch_mm):
                 place_mm = np.vstack([place_mm, tried_mm])
         return place_mm
-    count = (size_mm / pitch_mm).astype(int) + 2
-    column, row = np.meshgrid(*(np.arange(n) - 0.5 * (n - 1) for n in count))
     if layout == "oval":
+        count = (size_mm / pitch_mm).astype(int) + 2
+        column, row = np.meshgrid(*(np.arange(n) - 0.5 * (n - 1) for n in count))
         place_mm = pitch_mm * np.stack([column, row], axis=-1).reshape(-1, 2)
         return np.asarray(place_mm[np.square(place_mm / (0.5 * size_mm - 0.6 * pitch_mm)).sum(axis=1) <= 1.0])
     column, row = np.meshgrid(np.arange(-60, 61), np.arange(-60, 61))
-    side_mm = 1.07 * pitch_mm
-    place_mm = side_mm * np.stack([column + 0.5 * (row % 2), 0.5 * np.sqrt(3.0) * row], axis=-1).reshape(
-        -1, 2
-    )
+    across = np.stack([column + 0.5 * (row % 2), 0.5 * np.sqrt(3.0) * row], axis=-1)
+    place_mm = 1.07 * pitch_mm * across.reshape(-1, 2)
     return np.asarray(place_mm[(np.abs(place_mm) <= 0.5 * size_mm - 0.6 * pitch_mm).all(axis=1)])

@@ -389,6 +389,8 @@ def main() -> None:
     parser.add_argument("--layouts", action="store_true", help="--moving with other arrangements of the dots")
     parser.add_argument("--drawn", action="store_true", help="sensor files with the errors of a careful user")
     given = parser.parse_args()
+    if given.pads + given.long + given.layouts > 1:
+        parser.error("--pads, --long and --layouts were given together: give one of them")
     numbers = range(given.first, given.first + given.scenes)
     chosen = "-".join([*["moving"] * given.moving, *["pad"] * given.pads]) or "sheet"
     chosen = "long" if given.long else "layouts" if given.layouts else chosen

@@ -46,7 +46,7 @@ from manytouch.estimation.mechanics.clusters.joined_clusters import (
 )
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
-from manytouch.values.arrays import Mask, Scalars
+from manytouch.values.arrays import Scalars
 
 _PLANE = 4  # least number of clusters whose depths are not on one plane by chance
 
@@ -122,7 +122,7 @@ class RigidFaces:
             balls), and this one over that along it. Fingertips have a ratio of at most 1.6.
         min_alone_ratio: least ratio of the depths that the forces of clusters of one face would cause alone.
         min_kept_alone_ratio: the same if they were one contact and their force has not grown (`max_growth`):
-            another object, which lowers the sheet there, may relieve one end of a body.
+            another object may relieve one end. Chosen on three rods, sheets of 2 to 3.8 mm (ADR 174).
         max_depth_ratio, max_kept_depth_ratio: largest difference of the depths of two or three clusters, over
             the deepest one; the latter if they continue one contact, as a body may tilt.
         plane_share: largest distance of the depths of four clusters or more from a plane, over their depth.
@@ -189,8 +189,7 @@ class RigidFaces:
         for is_one, least in ((is_about_flat & self._are_alike(frame), 3), (is_about_flat, 2)):
             is_left = is_in_none(faces, len(clusters))
             faces += self._pairs_and_triples(frame, is_one & is_left & is_left[:, None], least)
-        is_left = is_in_none(faces, len(clusters))
-        kept_faces = self._unchanged_faces(frame, is_about_flat & ~frame.was_apart, is_left)
+        kept_faces = self._unchanged_faces(frame, is_about_flat & ~frame.was_apart, faces)
         joined, edge = clusters, (self.edge_share, self.max_edge_mm)
         for number, own in enumerate(faces + kept_faces):
             joined = join_clusters(joined, clusters, own, edge, is_one_as_before=number >= len(faces))
@@ -266,10 +265,10 @@ class RigidFaces:
                 faces.append(with_enclosed(frame.clusters, frame.model.nodes, own, left))
         return faces
 
-    def _unchanged_faces(self, frame: _Frame, is_pair: Pairs, is_left: Mask) -> list[Numbers]:
-        """Faces of the pairs that stay one contact, of the clusters (c,) that are left."""
+    def _unchanged_faces(self, frame: _Frame, is_pair: Pairs, others: list[Numbers]) -> list[Numbers]:
+        """Faces of the pairs that stay one contact, of the clusters that are in none of the others."""
         faces: list[Numbers] = []
-        is_left = is_left.copy()
+        is_left = is_in_none(others, len(frame.clusters))
         for pair in np.argwhere(np.triu(is_pair, 1)):
             own = pair[np.argsort(-frame.clusters.normal_mm2[pair], kind="stable")]
             if is_left[own].all() and self._is_unchanged(frame, own):
@@ -301,9 +300,8 @@ class RigidFaces:
         growth = self._growth(frame, own)
         if not (is_near and is_even and growth <= self.max_growth):
             return False
-        was = {"was_two": False, "was_one": True, "is_unchanged": True}
-        bars, clusters, evidence_at = self.bars, frame.clusters, frame.evidence_at
-        return growth <= self.released or bars(frame.model, clusters, own, evidence_at, **was) is not False
+        is_released = growth <= self.released
+        return is_released or self._is_bar(frame, own, was_one=True, is_unchanged=True) is not False
 
     def _growth(self, frame: _Frame, own: Numbers) -> float:
         """`EarlierClusters.growth` of clusters."""
@@ -350,8 +348,7 @@ class RigidFaces:
             gap_mm = float(np.linalg.norm(np.diff(frame.clusters.centre_mm[own], axis=0)))
             least = self.kept_thickness if was_one else self.resolved_thickness
             is_far = gap_mm >= least * frame.model.thickness_mm
-            ends = {"was_two": was_two, "was_one": was_one, "may_be_ends": is_far}
-            is_bar = self.bars(frame.model, frame.clusters, own, frame.evidence_at, **ends)
+            is_bar = self._is_bar(frame, own, was_two=was_two, was_one=was_one, may_be_ends=is_far)
             if is_bar or (is_bar is not None and not (is_far and is_as_before)):
                 return is_bar
         return not was_two and self._began_as_one(frame, own, was_one=was_one, is_as_before=is_as_before)
@@ -362,6 +359,10 @@ class RigidFaces:
         least_mm2 = (self.edge_thickness * frame.model.thickness_mm) ** 2
         is_long = across_mm2 >= np.maximum(least_mm2, self.edge_ratio**2 * along_mm2)
         return bool(is_long.all() and self._are_alike(frame)[own[0], own[1]])
+
+    def _is_bar(self, frame: _Frame, own: Numbers, *, was_two: bool = False, **given: bool) -> bool | None:
+        """Whether the markers show a pair to be one bar, see `BarRule`; None where they do not decide."""
+        return self.bars(frame.model, frame.clusters, own, frame.evidence_at, was_two=was_two, **given)
 
     def _continues_one(self, frame: _Frame, own: Numbers, max_jump: float = np.inf) -> bool:
         """Whether there was a contact at the centre of the forces of clusters, or between two distant ones.
