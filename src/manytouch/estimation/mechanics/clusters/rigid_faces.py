@@ -15,15 +15,15 @@ sheet gives way less near a clamp)
 - if there are two that are not near each other, or three that are not in a row, and they began together and
   are about as deep and as strong: a face that presses with its ends only is nearly the same load as two
   balls. Two are not one if the markers clearly show balls;
-- if there are two that the markers showed as one contact before, and their force has not grown since; of
-  distant ones, one may be far weaker by then;
+- if there are two that the markers showed as one contact before, and their force has not grown since, for
+  which two of these limits are wider;
 - if two among others were one contact in the previous frame, and would be one if they were alone.
 """
 
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, Int64
+from jaxtyping import Bool, Float64, Int64
 
 from manytouch.estimation.mechanics.clusters.bars import BarRule
 from manytouch.estimation.mechanics.clusters.evidence import EvidenceAt
@@ -62,6 +62,7 @@ class _Frame:
         model: of the sheet.
         clusters: before any are joined.
         depth_mm: (c,) depth of the sheet at their centres.
+        rise_mm: (c, c) by how much the sheet between two of them is less deep than the line.
         alone_mm: (c,) depths that their forces would cause one by one on the sheet at rest.
         frames: (c,) number of frames for which there has been a contact at their centres, or 0.
         was_apart: (c, c) pairs that were two contacts in the previous frame.
@@ -73,6 +74,7 @@ class _Frame:
     model: InversionModel
     clusters: Clusters
     depth_mm: Scalars
+    rise_mm: Float64[np.ndarray, "c c"]
     alone_mm: Scalars
     frames: Numbers
     was_apart: Pairs
@@ -99,8 +101,8 @@ class RigidFaces:
         min_pair_elements: least distance of two or three clusters that began together, in elements; nearer
             ones are joined only if they continue one contact.
         undecided_frames: four clusters or more may be one face as long as no two of them were contacts, one
-            for more than so many frames: the corners of a face need not be seen in the same frame. Compared
-            were 0, 3, 5 and 8. Two or three clusters began together if these numbers differ by no more.
+            for more than so many frames: its corners need not be seen in the same frame. Compared were 0 to
+            8. Two or three clusters began together if these numbers differ by no more.
         same_centre_pitch: clusters continue a contact of the previous frame if the centre of their forces is
             within this distance of its centre, in pitches.
         max_jump: two clusters among others of which one is about as deep, or far apart with a contact between
@@ -115,14 +117,15 @@ class RigidFaces:
         released: below this share of that force they stay one whatever the markers show. Both factors were
             chosen on cylinders and blocks that are held and released (ADR 124).
         rise_mm, rise_share: by how much the sheet under one face may be less deep than the line between two
-            places, in mm and over the larger depth of the two: the error of the shape.
+            places, in mm and over the larger depth: the error of the shape.
         pair_rise_share: like `rise_share`, for a pair that the markers may show to be one bar.
+        kept_rise_share: the same if they were one contact and their force has not grown. Chosen on one bar.
         edge_thickness, edge_ratio: two clusters are edges of one face if the pressure of both has at least
             this standard deviation across the line between them, in thicknesses (shorter edges look like
             balls), and this one over that along it. Fingertips have a ratio of at most 1.6.
         min_alone_ratio: least ratio of the depths that the forces of clusters of one face would cause alone.
-        min_kept_alone_ratio: the same if they were one contact and their force has not grown (`max_growth`):
-            another object may relieve one end. Chosen on three rods, sheets of 2 to 3.8 mm (ADR 174).
+        min_kept_alone_ratio: the same if they were one contact and their force has not grown: another object
+            may relieve one end. Chosen on three rods, sheets of 2 to 3.8 mm (ADR 174).
         max_depth_ratio, max_kept_depth_ratio: largest difference of the depths of two or three clusters, over
             the deepest one; the latter if they continue one contact, as a body may tilt.
         plane_share: largest distance of the depths of four clusters or more from a plane, over their depth.
@@ -149,6 +152,7 @@ class RigidFaces:
     rise_mm: float = 0.004
     rise_share: float = 0.015
     pair_rise_share: float = 0.04
+    kept_rise_share: float = 0.08
     edge_thickness: float = 0.75
     edge_ratio: float = 2.0
     min_alone_ratio: float = 0.3
@@ -178,13 +182,16 @@ class RigidFaces:
             coefficient_mm: (nodes, 3) shape of the sheet.
             clusters: of this frame.
             evidence_at: gives the likelihood of the forces of some nodes.
-            previous: contacts of the previous frame.
-            earlier: clusters of the previous frame.
+            previous, earlier: contacts and clusters of the previous frame.
         """
         if len(clusters) < 2:
             return clusters
-        depth_mm, is_flat, is_about_flat = self._flat_pairs(model, coefficient_mm, clusters)
-        frame = self._frame(model, clusters, depth_mm, evidence_at, previous, earlier=earlier)
+        frame = self._frame(model, coefficient_mm, clusters, evidence_at, previous, earlier=earlier)
+        is_flat = self._are_flat(frame, self.rise_share, self.max_plane_thickness)
+        is_about_flat = self._are_flat(frame, self.pair_rise_share, self.max_pair_thickness)
+        is_kept_flat = self._are_flat(frame, self.kept_rise_share, self.max_pair_thickness)
+        for pair in np.argwhere(np.triu(is_kept_flat & ~is_about_flat & ~frame.was_apart)):
+            is_about_flat[pair, pair[::-1]] = self._growth(frame, pair) <= self.max_growth
         faces = self._planes(frame, is_flat)
         for is_one, least in ((is_about_flat & self._are_alike(frame), 3), (is_about_flat, 2)):
             is_left = is_in_none(faces, len(clusters))
@@ -199,13 +206,14 @@ class RigidFaces:
     def _frame(
         self,
         model: InversionModel,
+        coefficient_mm: Nodal,
         clusters: Clusters,
-        depth_mm: Scalars,
         evidence_at: EvidenceAt,
         previous: PreviousContacts,
         *,
         earlier: EarlierClusters,
     ) -> _Frame:
+        depth_mm, rise_mm = depths_and_rises(model.shell, coefficient_mm, clusters.centre_mm)
         near, same = (
             nearest_within(clusters.centre_mm, previous.centre_mm, reach_pitch * model.pitch_mm)
             for reach_pitch in (self.reach_pitch, self.same_centre_pitch)
@@ -217,6 +225,7 @@ class RigidFaces:
             model=model,
             clusters=clusters,
             depth_mm=depth_mm,
+            rise_mm=rise_mm,
             alone_mm=clusters.normal_mm2 * model.compliance_per_mm(clusters.centre_mm),
             frames=frames[same],
             was_apart=was_apart,
@@ -276,21 +285,12 @@ class RigidFaces:
                 is_left[faces[-1]] = False
         return faces
 
-    def _flat_pairs(
-        self, model: InversionModel, coefficient_mm: Nodal, clusters: Clusters
-    ) -> tuple[Scalars, Pairs, Pairs]:
-        """Depth (c,) at the centres; (c, c) pairs with the sheet as deep as the line between, or about so."""
-        depth_mm, rise_mm = depths_and_rises(model.shell, coefficient_mm, clusters.centre_mm)
-        deepest_mm = np.maximum.outer(depth_mm, depth_mm)
-        away_mm = np.linalg.norm(clusters.centre_mm[:, None] - clusters.centre_mm, axis=2)
-        is_flat, is_about_flat = (
-            (rise_mm <= self.rise_mm + share * deepest_mm) & (away_mm <= thicknesses * model.thickness_mm)
-            for share, thicknesses in (
-                (self.rise_share, self.max_plane_thickness),
-                (self.pair_rise_share, self.max_pair_thickness),
-            )
-        )
-        return depth_mm, is_flat, is_about_flat
+    def _are_flat(self, frame: _Frame, share: float, max_thickness: float) -> Pairs:
+        """(c, c) pairs within a distance, between which the sheet is about as deep as the line."""
+        centre_mm = frame.clusters.centre_mm
+        most_mm = self.rise_mm + share * np.maximum.outer(frame.depth_mm, frame.depth_mm)
+        away_mm = np.linalg.norm(centre_mm[:, None] - centre_mm, axis=2)
+        return np.asarray((away_mm <= max_thickness * frame.model.thickness_mm) & (frame.rise_mm <= most_mm))
 
     def _is_unchanged(self, frame: _Frame, own: Int64[np.ndarray, "2"]) -> bool:
         """Whether a near pair has no more force than when it was seen as one contact; see `max_growth`."""

@@ -99,12 +99,17 @@ def joined(
     earlier: EarlierClusters = NO_CLUSTERS,
     evidence: Evidence | None = None,
     faces: RigidFaces = FACES,
+    rise_mm: float = 0.0,
 ) -> Clusters:
-    """What becomes of forces at some places of a sheet that is everywhere as deep as at the nearest place."""
+    """What becomes of forces at some places of a sheet that is everywhere as deep as at the nearest place.
+
+    But for the strip about x = 0, which is less deep by `rise_mm`.
+    """
     model = MechanicsEstimator().start(slack_sensor()).model
     coefficient_mm = np.zeros((model.patch.node_count, 3))
     away_mm = np.linalg.norm(model.nodes.place_mm[:, None] - place_mm, axis=2)
     coefficient_mm[:, 2] = -np.array(depth_mm)[away_mm.argmin(axis=1)]
+    coefficient_mm[np.abs(model.nodes.place_mm[:, 0]) <= 4.5, 2] += rise_mm
     node = away_mm.argmin(axis=0)
     nodal_mm2, label = np.zeros_like(coefficient_mm), np.full(len(coefficient_mm), -1)
     nodal_mm2[node, 2], label[node] = -np.array(force_mm2), np.arange(len(node))
@@ -191,6 +196,24 @@ def test_distant_ends_that_the_markers_show_apart_are_one_only_while_the_force_d
     evidence = evidence_of([1.0, 4.5, 0.0, 1.0, -4.5, 0.0, 0.6])
     faces = RigidFaces(bars=BarRule(max_ends_f=0.0))
     assert len(joined(*load, middle_mm, earlier=earlier, evidence=evidence, faces=faces)) == count
+
+
+@pytest.mark.parametrize(
+    ("rise_mm", "one_mm2", "count"),
+    [
+        (0.07, 1.0, 1),
+        (0.07, 0.8, 2),  # the force has grown
+        (0.07, 0.0, 2),
+        (0.15, 1.0, 2),
+    ],
+)
+def test_the_sheet_between_two_ends_may_rise_a_little_while_the_force_does_not_grow(
+    rise_mm: float, one_mm2: float, count: int
+) -> None:
+    load = row_mm(8.0, 2), [1.0, 1.0], [0.5, 0.5]
+    middle_mm = joined(*load, row_mm(8.0, 2)).centre_mm.mean(axis=0)[None]
+    earlier = EarlierClusters(centre_mm=middle_mm, one_mm2=np.array([one_mm2]), nodal_mm2=np.zeros(0))
+    assert len(joined(*load, middle_mm, earlier=earlier, rise_mm=rise_mm)) == count
 
 
 @pytest.mark.parametrize("depth_mm", [0.8, 1.2])
