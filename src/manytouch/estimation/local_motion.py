@@ -93,10 +93,12 @@ class TouchMemory:
     Attributes:
         strongest: the largest one.
         lowest: the smallest one since the last press of at least half of that.
+        recent: the largest one, which fades.
     """
 
     strongest: float = 0.0
     lowest: float = 0.0
+    recent: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -112,6 +114,9 @@ class LocalMotion:
             marker is reduced by so many of its own, as far as they exceed the median.
         creep_share: share of the strongest press that a sheet may keep after it.
         creep_growth: largest ratio of what it keeps to the smallest local motion since that press.
+        residual_share: share of a recent press that a pad keeps, whatever the fit of a contact shows. It is
+            twice the share that gels keep.
+        fade: factor by which a press becomes less recent from frame to frame: a choice.
         exceeded_by: share of a group that moves at least as far as its local motion.
         reach: residual over the median residual at which a marker has no weight in the motion of the view.
         refinements: rounds of weighting.
@@ -124,6 +129,8 @@ class LocalMotion:
     noise_stds: float = 3.0
     creep_share: float = 0.2
     creep_growth: float = 2.0
+    residual_share: float = 0.06
+    fade: float = 0.99
     exceeded_by: float = 0.66
     reach: float = 3.0
     refinements: int = 6
@@ -176,8 +183,12 @@ class LocalMotion:
         """Largest local motion in pitches that a sheet may keep of earlier presses."""
         return min(self.creep_share * memory.strongest, self.creep_growth * memory.lowest)
 
+    def is_residual(self, local_pitch: float, memory: TouchMemory) -> bool:
+        """Whether a local motion that may be kept is also what any pad keeps of a recent press."""
+        return local_pitch <= self.residual_share * memory.recent
+
     def remember(self, memory: TouchMemory, largest: float) -> TouchMemory:
         """The memory after a frame with this largest local motion."""
         strongest = max(memory.strongest, largest)
         lowest = largest if largest >= 0.5 * strongest else min(memory.lowest, largest)
-        return TouchMemory(strongest=strongest, lowest=lowest)
+        return TouchMemory(strongest=strongest, lowest=lowest, recent=max(self.fade * memory.recent, largest))

@@ -35,6 +35,7 @@ from manytouch.estimation.mechanics.inversion.sheet_parameters import (
 from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
 from manytouch.estimation.mechanics.marker_noise import MarkerNoise, marker_variances_px2, with_excess
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState
+from manytouch.estimation.mechanics.residual_forces import ResidualForces
 from manytouch.estimation.mechanics.surface_covariance import DisplacementCovariance
 from manytouch.estimation.mechanics.undescribed_frames import UndescribedFrames
 from manytouch.estimation.mechanics.view_motion import ViewMotion
@@ -66,6 +67,7 @@ class MechanicsEstimator:
         rigid_faces: joins groups under one rigid object.
         friction_fits: shear of the contacts without the reduction by the prior.
         contact_rules: which groups are contacts.
+        residual_forces: what the sheet may keep of earlier presses.
         contact_estimator: contacts with their covariances.
         pretension: estimate of a pretension that the sensor does not state.
         contact_tracker: identities of contacts.
@@ -87,6 +89,7 @@ class MechanicsEstimator:
     rigid_faces: RigidFaces = field(default_factory=RigidFaces)
     friction_fits: FrictionFits = field(default_factory=FrictionFits)
     contact_rules: ContactRules = field(default_factory=ContactRules)
+    residual_forces: ResidualForces = field(default_factory=ResidualForces)
     contact_estimator: ContactEstimator = field(default_factory=ContactEstimator)
     pretension: PretensionEstimator = field(default_factory=PretensionEstimator)
     contact_tracker: ContactTracker = field(default_factory=lambda: ContactTracker(confirm_frames=1))
@@ -143,6 +146,7 @@ class MechanicsEstimator:
             pretension=pretension,
             variants=sheet_variants(model, sheet),
             previous=EarlierClusters.none(),
+            earlier_mm2=read_only(np.zeros(model.patch.node_count)),
             slip=SlipState(),
             tracks=self.contact_tracker.start(sensor),
             without_sheet=self.undescribed_frames.start(sensor),
@@ -199,6 +203,8 @@ class MechanicsEstimator:
             earlier=state.previous,
         )
         clusters, stds = self.contact_rules.certain(model, clusters, fit, state.response, state.touching_mm)
+        by_rest_mm2 = self.residual_forces.std_mm2(model.nodes, clusters, state.earlier_mm2)
+        clusters = clusters.with_force_std(by_rest_mm2)
         friction = self.friction_fits(fit, clusters, shape.force_mm2)
         if friction is not None:
             shape = shape.moved(model, friction.change_mm, friction.force_change_mm2)
@@ -260,7 +266,7 @@ class MechanicsEstimator:
         return np.asarray((weight / variance_px2)[:, None, None] * np.eye(2))
 
     def _clusters(self, state: MechanicsState, fit: Fit, forces: ForcePosterior, *, noise: float) -> Clusters:
-        """Force clusters that noise does not explain."""
+        """Force clusters that neither noise nor earlier presses explain."""
         model = state.model
         force_mm2 = np.where(model.is_excluded[:, None] | ~model.patch.is_free, 0.0, fit.shape.force_mm2)
         rules, nodes = self.contact_rules, replace(model.nodes, force_unit_mm2=fit.force_unit_mm2)
@@ -273,7 +279,8 @@ class MechanicsEstimator:
         clusters = self.model_order(
             nodes, force_mm2, clusters, decided.centre_mm, evidence_at=forces.evidence, noise=noise
         )
-        return significant(clusters, fit, rules.last_stds)[0]
+        clusters, _ = significant(clusters, fit, rules.last_stds)
+        return self.residual_forces.without_residues(model.nodes, clusters, state.earlier_mm2)
 
     def _may_start(self, state: MechanicsState, clusters: Clusters, fit: Fit) -> Mask:
         model, rules = state.model, self.contact_rules
@@ -310,8 +317,10 @@ class MechanicsEstimator:
         )
         slip, contacts = self.slip_detector(state.slip, contacts, model.pitch_mm)
         reach_mm, chosen = self.rigid_faces.same_centre_pitch * model.pitch_mm, np.flatnonzero(is_pressed)
-        previous = state.previous.followed_by(clusters.select(chosen), fit.shape.force_mm2[:, 2], reach_mm)
-        return replace(state, tracks=tracks, slip=slip, previous=previous), contacts
+        nodal_mm2 = fit.shape.force_mm2[:, 2]
+        previous = state.previous.followed_by(clusters.select(chosen), nodal_mm2, reach_mm)
+        earlier_mm2 = self.residual_forces.after(model.nodes, state.earlier_mm2, -nodal_mm2)
+        return replace(state, tracks=tracks, slip=slip, previous=previous, earlier_mm2=earlier_mm2), contacts
 
     def _step_undescribed(
         self, state: MechanicsState, grid: TrackedGrid

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float64
 
 from manytouch.estimation.contact_tracker import ContactTrackerState
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, EarlierClusters, PreviousContacts
@@ -52,6 +53,7 @@ class MechanicsState:
             the first full step.
         response_is_due: whether the response of a later full step still has to be computed.
         previous: clusters of the previous frame, whether they were contacts or not.
+        earlier_mm2: (nodes,) normal forces over E of earlier frames, see `ResidualForces`.
         slip: state of the detection of slip.
         tracks: contacts of the previous frames.
         without_sheet: surface and contacts without a model of the sheet.
@@ -78,6 +80,7 @@ class MechanicsState:
     response: ParameterResponse | None = None
     response_is_due: bool = False
     previous: EarlierClusters
+    earlier_mm2: Float64[np.ndarray, " nodes"]
     slip: SlipState
     tracks: ContactTrackerState
     without_sheet: WithoutSheet

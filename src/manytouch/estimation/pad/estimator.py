@@ -97,8 +97,7 @@ class PadEstimator:
         start_stds, last_stds: least normal force of a contact that starts and of one that lasts, in standard
             deviations by noise and priors. Where the markers may only have stayed displaced after an earlier
             press, the force or the depth must also be `last_stds` of the reported deviations. The only
-            contact on a pad that is certainly touched needs no force: the contact is certain, although its
-            force is not.
+            contact on a pad that is certainly touched needs no force.
         least_depth: least depth of a contact, in thicknesses.
         retry_misfit: another contact or profile is tried again when the misfit is this factor of that of the
             frame in which it was last tried in vain.
@@ -176,7 +175,8 @@ class PadEstimator:
         if grid.status is Status.OK:
             touch = self.local_motion.remember(touch, measured.local_pitch)
         may_be_kept = not measured.is_touched and measured.local_pitch <= self.local_motion.kept(touch)
-        is_kept = np.array([may_be_kept and not self._is_clear(contact) for contact in found], dtype=np.bool_)
+        is_sure = may_be_kept and self.local_motion.is_residual(measured.local_pitch, touch)
+        is_kept = np.array([is_sure or (may_be_kept and not self._is_clear(each)) for each in found], bool)
         if is_kept.any():
             others = fit.patches.without(np.flatnonzero(is_kept))
             fit = self._fit(model, others, measured, fit.marker_mm(model))

@@ -448,6 +448,26 @@ def test_what_a_pad_keeps_of_a_wide_press_is_no_contact(pad_state: PadState) -> 
     assert len(contacts.touching) == 1
 
 
+def test_what_a_gel_keeps_of_a_press_is_no_contact_however_clear_it_is(pad_state: PadState) -> None:
+    """It is one on a pad that was not pressed before, or that came back a while ago, and so are more."""
+    rest_px, pressed, kept, lighter = (
+        pressed_px(pad_state, ONE * _strength(share)) for share in (0.0, 1.0, 0.05, 0.15)
+    )
+
+    def count(*images: tuple[np.ndarray, int]) -> int:
+        state = pad_state
+        for position_px, frames in images:
+            for seed in range(frames):
+                grid = grid_at(position_px, noise_px=0.005, std_px=0.005, seed=seed)
+                state, _, contacts = ESTIMATE.step(state, grid)
+        return len(contacts.touching)
+
+    assert count((kept, 2)) == 1
+    assert count((pressed, 3), (kept, 12)) == 0
+    assert count((pressed, 3), (rest_px, 40), (kept, 2)) == 1
+    assert count((pressed, 3), (lighter, 12)) == 1
+
+
 def _strength(share: float) -> np.ndarray:
     return np.where(np.isin(np.arange(10), (5, 6, 7, 8)), share, 1.0)
 

@@ -158,6 +158,12 @@ class Clusters:
             covariance[number] = changes.T @ changes
         return replace(self, sheet_covariance=covariance)
 
+    def with_force_std(self, std_mm2: Scalars) -> "Clusters":
+        """The clusters with a deviation (c,) of their normal force in addition to that by the parameters."""
+        sheet_covariance = self.sheet_covariance.copy()
+        sheet_covariance[:, 0, 0] += std_mm2**2
+        return replace(self, sheet_covariance=sheet_covariance)
+
     def with_nodal(self, node: Int64[np.ndarray, " n"], press_mm2: Float64[np.ndarray, " n"]) -> "Clusters":
         """The clusters with the normal forces of a fitted patch on nodes; those of several patches add."""
         fitted_mm2 = self.fitted_mm2.copy()

@@ -68,3 +68,11 @@ def smooth(value: Float64[np.ndarray, "slow fast"]) -> Float64[np.ndarray, "slow
     wide[1:-1, 1:-1] = value
     rows = 0.25 * wide[:-2] + 0.5 * wide[1:-1] + 0.25 * wide[2:]
     return np.asarray(0.25 * rows[:, :-2] + 0.5 * rows[:, 1:-1] + 0.25 * rows[:, 2:])
+
+
+def with_neighbours(nodes: ForceNodes, is_chosen: Mask) -> Mask:
+    """(n,) chosen nodes and their neighbours."""
+    wide = np.zeros((nodes.shape[0] + 2, nodes.shape[1] + 2), dtype=np.bool_)
+    wide[1:-1, 1:-1] = is_chosen.reshape(nodes.shape)
+    rows = wide[:-2] | wide[1:-1] | wide[2:]
+    return np.asarray((rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]).ravel())

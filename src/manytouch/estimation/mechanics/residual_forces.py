@@ -1,0 +1,92 @@
+"""Forces that the inversion finds for a while where a sheet was pressed.
+
+A viscoelastic sheet that is released keeps a share of its deformation and creeps back from there (Y. C. Fung,
+Biomechanics, 1993, chapter 2). The inversion explains the hollow that remains by about that share of the
+forces that caused it. Nothing presses then.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.ndimage import uniform_filter
+
+from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
+from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes, with_neighbours
+from manytouch.values.arrays import Scalars, read_only
+
+_WINDOW = 3  # nodes along each side of the square whose forces are compared with the former ones
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ResidualForces:
+    """Widens the deviation of forces by what may remain of earlier ones, and leaves out what it explains.
+
+    Attributes:
+        share: standard deviation of what remains of a force when it is released, over that force. Gels keep
+            .03 of a press, rubber up to .15 (ADR 50).
+        least_stds: a contact has at least this many of these deviations.
+        fade: factor by which what may remain becomes smaller from frame to frame: a choice.
+        growth: what remains of a press does not grow; it is at most this factor of the present forces near
+            it, or of the least force of a contact.
+        least_fade: the least such factor in a frame whose forces show less than may remain: the inversion is
+            some frames behind a quick release.
+    """
+
+    share: float = 0.03
+    least_stds: float = 2.0
+    fade: float = 0.99
+    growth: float = 2.0
+    least_fade: float = 0.85
+
+    def without_residues(
+        self, nodes: ForceNodes, clusters: Clusters, earlier_mm2: Float64[np.ndarray, " nodes"]
+    ) -> Clusters:
+        """The clusters that earlier forces do not explain.
+
+        Args:
+            nodes: of the sheet.
+            clusters: of this frame.
+            earlier_mm2: (nodes,) normal forces over E of earlier frames, from `after`.
+        """
+        least_mm2 = self.least_stds * self.std_mm2(nodes, clusters, earlier_mm2)
+        is_chosen = clusters.normal_mm2 >= least_mm2
+        return clusters if is_chosen.all() else clusters.select(np.flatnonzero(is_chosen))
+
+    def std_mm2(
+        self, nodes: ForceNodes, clusters: Clusters, earlier_mm2: Float64[np.ndarray, " nodes"]
+    ) -> Scalars:
+        """Standard deviations (c,) of normal forces over E by what remains of released forces.
+
+        The arguments are those of `without_residues`.
+        """
+        std_mm2 = np.zeros(len(clusters))
+        for number, normal_mm2 in enumerate(clusters.normal_mm2):
+            own = clusters.label == number
+            near = with_neighbours(nodes, own) & (own | (clusters.label < 0))
+            std_mm2[number] = self.share * max(earlier_mm2[near].sum() - normal_mm2, 0.0)
+        return std_mm2
+
+    def after(
+        self,
+        nodes: ForceNodes,
+        earlier_mm2: Float64[np.ndarray, " nodes"],
+        normal_mm2: Float64[np.ndarray, " nodes"],
+    ) -> Float64[np.ndarray, " nodes"]:
+        """The earlier forces (nodes,) of the next frame.
+
+        Args:
+            nodes: of the sheet.
+            earlier_mm2: (nodes,) those of this frame.
+            normal_mm2: (nodes,) nodal normal forces over E of this frame, positive in compression.
+        """
+        now_mm2 = np.maximum(normal_mm2, 0.0)
+        kept_mm2 = np.maximum(self.fade * earlier_mm2, now_mm2)
+        near_now_mm2, near_mm2 = (
+            _WINDOW**2 * uniform_filter(each.reshape(nodes.shape), _WINDOW, mode="constant").ravel()
+            for each in (now_mm2, kept_mm2)
+        )
+        most_mm2 = self.growth * np.maximum(near_now_mm2, nodes.least_force_mm2)
+        may_mm2 = self.least_stds * self.share * near_mm2
+        excess = np.maximum(may_mm2 / most_mm2, 1.0)
+        return read_only(kept_mm2 * np.maximum(1.0 / excess, self.least_fade))
