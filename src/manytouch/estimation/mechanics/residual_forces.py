@@ -9,13 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.ndimage import uniform_filter
 
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
-from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes, with_neighbours
+from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes, largest_around, sum_around
 from manytouch.values.arrays import Scalars, read_only
-
-_WINDOW = 3  # nodes along each side of the square whose forces are compared with the former ones
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -60,12 +57,12 @@ class ResidualForces:
 
         The arguments are those of `without_residues`.
         """
-        std_mm2 = np.zeros(len(clusters))
-        for number, normal_mm2 in enumerate(clusters.normal_mm2):
-            own = clusters.label == number
-            near = with_neighbours(nodes, own) & (own | (clusters.label < 0))
-            std_mm2[number] = self.share * max(earlier_mm2[near].sum() - normal_mm2, 0.0)
-        return std_mm2
+        if len(clusters) == 0:
+            return np.zeros(0)
+        near = np.where(clusters.label < 0, largest_around(nodes, clusters.label), clusters.label)
+        node = np.flatnonzero(near >= 0)
+        former_mm2 = np.bincount(near[node], earlier_mm2[node], minlength=len(clusters))
+        return np.asarray(self.share * np.maximum(former_mm2 - clusters.normal_mm2, 0.0))
 
     def after(
         self,
@@ -82,11 +79,7 @@ class ResidualForces:
         """
         now_mm2 = np.maximum(normal_mm2, 0.0)
         kept_mm2 = np.maximum(self.fade * earlier_mm2, now_mm2)
-        near_now_mm2, near_mm2 = (
-            _WINDOW**2 * uniform_filter(each.reshape(nodes.shape), _WINDOW, mode="constant").ravel()
-            for each in (now_mm2, kept_mm2)
-        )
-        most_mm2 = self.growth * np.maximum(near_now_mm2, nodes.least_force_mm2)
-        may_mm2 = self.least_stds * self.share * near_mm2
+        most_mm2 = self.growth * np.maximum(sum_around(nodes, now_mm2), nodes.least_force_mm2)
+        may_mm2 = self.least_stds * self.share * sum_around(nodes, kept_mm2)
         excess = np.maximum(may_mm2 / most_mm2, 1.0)
         return read_only(kept_mm2 * np.maximum(1.0 / excess, self.least_fade))

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from manytouch.values.arrays import Mask
 
@@ -70,9 +70,17 @@ def smooth(value: Float64[np.ndarray, "slow fast"]) -> Float64[np.ndarray, "slow
     return np.asarray(0.25 * rows[:, :-2] + 0.5 * rows[:, 1:-1] + 0.25 * rows[:, 2:])
 
 
-def with_neighbours(nodes: ForceNodes, is_chosen: Mask) -> Mask:
-    """(n,) chosen nodes and their neighbours."""
-    wide = np.zeros((nodes.shape[0] + 2, nodes.shape[1] + 2), dtype=np.bool_)
-    wide[1:-1, 1:-1] = is_chosen.reshape(nodes.shape)
-    rows = wide[:-2] | wide[1:-1] | wide[2:]
-    return np.asarray((rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]).ravel())
+def sum_around(nodes: ForceNodes, value: Float64[np.ndarray, " nodes"]) -> Float64[np.ndarray, " nodes"]:
+    """Sums over 3 x 3 nodes; values beyond the border are 0."""
+    wide = np.zeros((nodes.shape[0] + 2, nodes.shape[1] + 2))
+    wide[1:-1, 1:-1] = value.reshape(nodes.shape)
+    rows = wide[:-2] + wide[1:-1] + wide[2:]
+    return np.asarray((rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:]).ravel())
+
+
+def largest_around(nodes: ForceNodes, number: Int64[np.ndarray, " nodes"]) -> Int64[np.ndarray, " nodes"]:
+    """The largest of these numbers, which are -1 or more, among 3 x 3 nodes."""
+    wide = np.full((nodes.shape[0] + 2, nodes.shape[1] + 2), -1)
+    wide[1:-1, 1:-1] = number.reshape(nodes.shape)
+    rows = np.maximum(np.maximum(wide[:-2], wide[1:-1]), wide[2:])
+    return np.asarray(np.maximum(np.maximum(rows[:, :-2], rows[:, 1:-1]), rows[:, 2:]).ravel())
