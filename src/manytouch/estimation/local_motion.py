@@ -114,7 +114,7 @@ class LocalMotion:
             marker is reduced by so many of its own, as far as they exceed the median.
         creep_share: share of the strongest press that a sheet may keep after it.
         creep_growth: largest ratio of what it keeps to the smallest local motion since that press.
-        residual_share: share of a recent press that a pad keeps, whatever the fit of a contact shows. It is
+        sure_share: share of a recent press that a pad keeps, whatever the fit of a contact shows. It is
             twice the share that gels keep.
         fade: factor by which a press becomes less recent from frame to frame: a choice.
         exceeded_by: share of a group that moves at least as far as its local motion.
@@ -129,7 +129,7 @@ class LocalMotion:
     noise_stds: float = 3.0
     creep_share: float = 0.2
     creep_growth: float = 2.0
-    residual_share: float = 0.06
+    sure_share: float = 0.06
     fade: float = 0.99
     exceeded_by: float = 0.66
     reach: float = 3.0
@@ -183,9 +183,9 @@ class LocalMotion:
         """Largest local motion in pitches that a sheet may keep of earlier presses."""
         return min(self.creep_share * memory.strongest, self.creep_growth * memory.lowest)
 
-    def is_residual(self, local_pitch: float, memory: TouchMemory) -> bool:
+    def is_surely_kept(self, local_pitch: float, memory: TouchMemory) -> bool:
         """Whether a local motion that may be kept is also what any pad keeps of a recent press."""
-        return local_pitch <= self.residual_share * memory.recent
+        return local_pitch <= self.sure_share * memory.recent
 
     def remember(self, memory: TouchMemory, largest: float) -> TouchMemory:
         """The memory after a frame with this largest local motion."""

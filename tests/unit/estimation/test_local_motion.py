@@ -39,12 +39,12 @@ def test_a_lower_motion_after_a_press_lowers_what_may_be_left_of_it() -> None:
 def test_what_a_pad_keeps_is_a_share_of_a_recent_press() -> None:
     motion = LocalMotion()
     memory = motion.remember(TouchMemory(), 0.3)
-    assert motion.is_residual(0.0599 * 0.3, memory)
-    assert not motion.is_residual(0.0601 * 0.3, memory)
+    assert motion.is_surely_kept(0.0599 * 0.3, memory)
+    assert not motion.is_surely_kept(0.0601 * 0.3, memory)
     for _ in range(69):  # half of the press is left
         memory = motion.remember(memory, 0.01)
-    assert motion.is_residual(0.0299 * 0.3, memory)
-    assert not motion.is_residual(0.0301 * 0.3, memory)
+    assert motion.is_surely_kept(0.0299 * 0.3, memory)
+    assert not motion.is_surely_kept(0.0301 * 0.3, memory)
 
 
 def test_a_touch_lasts_above_what_untouched_sheets_show_and_what_is_left_of_a_press() -> None:

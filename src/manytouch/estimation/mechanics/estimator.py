@@ -33,9 +33,9 @@ from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     sheet_variants,
 )
 from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
+from manytouch.estimation.mechanics.kept_forces import KeptForces
 from manytouch.estimation.mechanics.marker_noise import MarkerNoise, marker_variances_px2, with_excess
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState
-from manytouch.estimation.mechanics.residual_forces import ResidualForces
 from manytouch.estimation.mechanics.surface_covariance import DisplacementCovariance
 from manytouch.estimation.mechanics.undescribed_frames import UndescribedFrames
 from manytouch.estimation.mechanics.view_motion import ViewMotion
@@ -67,7 +67,7 @@ class MechanicsEstimator:
         rigid_faces: joins groups under one rigid object.
         friction_fits: shear of the contacts without the reduction by the prior.
         contact_rules: which groups are contacts.
-        residual_forces: what the sheet may keep of earlier presses.
+        kept_forces: what the sheet may keep of earlier presses.
         contact_estimator: contacts with their covariances.
         pretension: estimate of a pretension that the sensor does not state.
         contact_tracker: identities of contacts.
@@ -89,7 +89,7 @@ class MechanicsEstimator:
     rigid_faces: RigidFaces = field(default_factory=RigidFaces)
     friction_fits: FrictionFits = field(default_factory=FrictionFits)
     contact_rules: ContactRules = field(default_factory=ContactRules)
-    residual_forces: ResidualForces = field(default_factory=ResidualForces)
+    kept_forces: KeptForces = field(default_factory=KeptForces)
     contact_estimator: ContactEstimator = field(default_factory=ContactEstimator)
     pretension: PretensionEstimator = field(default_factory=PretensionEstimator)
     contact_tracker: ContactTracker = field(default_factory=lambda: ContactTracker(confirm_frames=1))
@@ -203,8 +203,8 @@ class MechanicsEstimator:
             earlier=state.previous,
         )
         clusters, stds = self.contact_rules.certain(model, clusters, fit, state.response, state.touching_mm)
-        by_rest_mm2 = self.residual_forces.std_mm2(model.nodes, clusters, state.earlier_mm2)
-        clusters = clusters.with_force_std(by_rest_mm2)
+        kept_std_mm2 = self.kept_forces.std_mm2(model.nodes, clusters, state.earlier_mm2)
+        clusters = clusters.with_force_std(kept_std_mm2)
         friction = self.friction_fits(fit, clusters, shape.force_mm2)
         if friction is not None:
             shape = shape.moved(model, friction.change_mm, friction.force_change_mm2)
@@ -280,7 +280,7 @@ class MechanicsEstimator:
             nodes, force_mm2, clusters, decided.centre_mm, evidence_at=forces.evidence, noise=noise
         )
         clusters, _ = significant(clusters, fit, rules.last_stds)
-        return self.residual_forces.without_residues(model.nodes, clusters, state.earlier_mm2)
+        return self.kept_forces.without_kept(model.nodes, clusters, state.earlier_mm2)
 
     def _may_start(self, state: MechanicsState, clusters: Clusters, fit: Fit) -> Mask:
         model, rules = state.model, self.contact_rules
@@ -319,7 +319,7 @@ class MechanicsEstimator:
         reach_mm, chosen = self.rigid_faces.same_centre_pitch * model.pitch_mm, np.flatnonzero(is_pressed)
         nodal_mm2 = fit.shape.force_mm2[:, 2]
         previous = state.previous.followed_by(clusters.select(chosen), nodal_mm2, reach_mm)
-        earlier_mm2 = self.residual_forces.after(model.nodes, state.earlier_mm2, -nodal_mm2)
+        earlier_mm2 = self.kept_forces.after(model.nodes, state.earlier_mm2, -nodal_mm2)
         return replace(state, tracks=tracks, slip=slip, previous=previous, earlier_mm2=earlier_mm2), contacts
 
     def _step_undescribed(

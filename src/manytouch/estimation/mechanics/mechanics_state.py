@@ -53,7 +53,7 @@ class MechanicsState:
             the first full step.
         response_is_due: whether the response of a later full step still has to be computed.
         previous: clusters of the previous frame, whether they were contacts or not.
-        earlier_mm2: (nodes,) normal forces over E of earlier frames, see `ResidualForces`.
+        earlier_mm2: (nodes,) normal forces over E of earlier frames, see `KeptForces`.
         slip: state of the detection of slip.
         tracks: contacts of the previous frames.
         without_sheet: surface and contacts without a model of the sheet.

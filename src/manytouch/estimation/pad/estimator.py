@@ -175,7 +175,7 @@ class PadEstimator:
         if grid.status is Status.OK:
             touch = self.local_motion.remember(touch, measured.local_pitch)
         may_be_kept = not measured.is_touched and measured.local_pitch <= self.local_motion.kept(touch)
-        is_sure = may_be_kept and self.local_motion.is_residual(measured.local_pitch, touch)
+        is_sure = may_be_kept and self.local_motion.is_surely_kept(measured.local_pitch, touch)
         is_kept = np.array([is_sure or (may_be_kept and not self._is_clear(each)) for each in found], bool)
         if is_kept.any():
             others = fit.patches.without(np.flatnonzero(is_kept))

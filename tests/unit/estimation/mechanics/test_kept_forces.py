@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from manytouch.estimation import MechanicsEstimator
-from manytouch.estimation.mechanics.residual_forces import ResidualForces
+from manytouch.estimation.mechanics.kept_forces import KeptForces
 from manytouch.values import Contacts, TrackedGrid
 from manytouch.values.arrays import read_only
 from pressed_sheet import disc_mm, pressed, slack_sensor
@@ -15,7 +15,7 @@ from pressed_sheet import disc_mm, pressed, slack_sensor
 PLACE_MM = disc_mm(8.0, 4.0, 2.0)
 FORCE_MM2 = 0.6
 PRESS = [pressed(PLACE_MM, FORCE_MM2, seed) for seed in range(4)]
-RELEASED = replace(MechanicsEstimator(), residual_forces=ResidualForces(share=0.0))
+RELEASED = replace(MechanicsEstimator(), kept_forces=KeptForces(share=0.0))
 """An estimator for a sheet that comes back to its shape at once."""
 
 
@@ -85,7 +85,7 @@ def test_the_force_of_a_press_that_becomes_lighter_is_less_certain() -> None:
 
 
 def test_what_may_remain_fades_and_follows_what_is_left() -> None:
-    nodes, rule = MechanicsEstimator().start(slack_sensor()).model.nodes, ResidualForces()
+    nodes, rule = MechanicsEstimator().start(slack_sensor()).model.nodes, KeptForces()
     press_mm2 = np.zeros(len(nodes.place_mm))
     press_mm2[len(press_mm2) // 2 + 3] = 1.0
     held = rule.after(nodes, np.zeros_like(press_mm2), press_mm2)

@@ -16,7 +16,7 @@ from manytouch.values.arrays import Scalars, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class ResidualForces:
+class KeptForces:
     """Widens the deviation of forces by what may remain of earlier ones, and leaves out what it explains.
 
     Attributes:
@@ -36,7 +36,7 @@ class ResidualForces:
     growth: float = 2.0
     least_fade: float = 0.85
 
-    def without_residues(
+    def without_kept(
         self, nodes: ForceNodes, clusters: Clusters, earlier_mm2: Float64[np.ndarray, " nodes"]
     ) -> Clusters:
         """The clusters that earlier forces do not explain.
@@ -55,7 +55,7 @@ class ResidualForces:
     ) -> Scalars:
         """Standard deviations (c,) of normal forces over E by what remains of released forces.
 
-        The arguments are those of `without_residues`.
+        The arguments are those of `without_kept`.
         """
         if len(clusters) == 0:
             return np.zeros(0)
