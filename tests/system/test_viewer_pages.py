@@ -187,6 +187,7 @@ def test_a_depth_axis_that_is_seen_from_its_end_or_behind_the_sheet_is_not_drawn
     page = opened_page(browser, shown[1])
     if page.evaluate("Boolean(manytouch.pane.isFlat)"):
         pytest.skip("the map has no depth axis")
+    wait_for_paint(page)
     assert page.evaluate(DEPTH_AXIS)["ticks"]
     page.click("#side")
     wait_for_paint(page)
