@@ -57,11 +57,8 @@ def frames_with_contact(folder: Path, share: float, seconds: float) -> tuple[int
     place_px, fps = true_markers(truth)
     place_px = np.concatenate([place_px, np.tile(place_px[:1], (round(REST_S * fps), 1, 1))])
     estimator = pipeline_for("mechanics").estimate
-    state, random = (
-        estimator.start(load_sensor(folder / "simulated" / "sensor.toml")),
-        np.random.default_rng(0),
-    )
-    last, count = last_pressed(truth), 0
+    state = estimator.start(load_sensor(folder / "simulated" / "sensor.toml"))
+    random, last, count = np.random.default_rng(0), last_pressed(truth), 0
     for number, now_px in enumerate(creeping_px(place_px, last, share, np.exp(-1.0 / (fps * seconds)))):
         is_seen = np.isfinite(now_px).all(axis=1)
         grid = TrackedGrid(
@@ -84,13 +81,15 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=1.0, help="time constant with which they fade")
     args = parser.parse_args()
     found = []
-    for truth in sorted(args.folder.glob("*/simulated/truth")):
-        folder = truth.parents[1]
-        found.append(frames_with_contact(folder, args.share, args.seconds))
-        print(
-            f"{folder.name}: a contact in {found[-1][0]} of {found[-1][1]} frames after the release",
-            flush=True,
+    folders = [truth.parents[1] for truth in sorted(args.folder.glob("*/simulated/truth"))]
+    if not folders:
+        parser.error(
+            f"{args.folder} contains no scenes; make some with random_scenes.py --moving --out FOLDER"
         )
+    for folder in folders:
+        count, frames = frames_with_contact(folder, args.share, args.seconds)
+        found.append((count, frames))
+        print(f"{folder.name}: a contact in {count} of {frames} frames after the release", flush=True)
     print("all: a contact in {} of {} frames after the release".format(*np.sum(found, axis=0)))
 
 

@@ -114,8 +114,8 @@ class LocalMotion:
             marker is reduced by so many of its own, as far as they exceed the median.
         creep_share: share of the strongest press that a sheet may keep after it.
         creep_growth: largest ratio of what it keeps to the smallest local motion since that press.
-        sure_share: share of a recent press that a pad keeps, whatever the fit of a contact shows. It is
-            twice the share that gels keep.
+        sure_share: share of a recent press that a pad keeps, whatever the fit of a contact shows: twice that
+            of gels. Only the estimator of pads fits contacts.
         fade: factor by which a press becomes less recent from frame to frame: a choice.
         exceeded_by: share of a group that moves at least as far as its local motion.
         reach: residual over the median residual at which a marker has no weight in the motion of the view.

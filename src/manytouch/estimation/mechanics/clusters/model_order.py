@@ -23,7 +23,7 @@ from manytouch.estimation.mechanics.clusters.evidence import Evidence, EvidenceA
 from manytouch.estimation.mechanics.clusters.face_fits import fit_bar, fit_elliptic_face
 from manytouch.estimation.mechanics.clusters.fitted_patches import PAIR_PARAMETERS, PairFit, PatchFit
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
-from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes
+from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes, largest_around
 from manytouch.geometry.spline.patch import Nodal, SplinePatch
 from manytouch.values.arrays import Mask, Points2
 
@@ -121,7 +121,8 @@ class ModelOrder:
             is_counted = own & (press_mm2 > self.trim_share * press_mm2[own].max())
             limit = self.hysteresis if _count_within(clusters, number, previous_mm) >= 2 else 1.0
             parts = self._propose(nodes, press_mm2, is_counted, limit)
-            near = _around(nodes, is_counted) | _under(nodes, clusters, number)
+            is_around = largest_around(nodes, is_counted.astype(np.int64)) > 0
+            near = is_around | _under(nodes, clusters, number)
             node = np.flatnonzero(near & (own | (clusters.label < 0)))
             evidence = evidence_at(_nearest(nodes, node, clusters.centre_mm[number], self.max_nodes))
             if evidence is None:
@@ -250,14 +251,6 @@ def _nearest(
         return node
     away_mm = np.linalg.norm(nodes.place_mm[node] - centre_mm, axis=1)
     return np.sort(node[np.argpartition(away_mm, most)[:most]])
-
-
-def _around(nodes: ForceNodes, is_chosen: Mask) -> Mask:
-    """(n,) chosen nodes and their neighbours."""
-    wide = np.zeros((nodes.shape[0] + 2, nodes.shape[1] + 2), dtype=np.bool_)
-    wide[1:-1, 1:-1] = is_chosen.reshape(nodes.shape)
-    rows = wide[:-2] | wide[1:-1] | wide[2:]
-    return np.asarray((rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]).ravel())
 
 
 def _under(nodes: ForceNodes, clusters: Clusters, number: int) -> Mask:

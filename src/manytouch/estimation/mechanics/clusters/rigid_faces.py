@@ -101,8 +101,8 @@ class RigidFaces:
         min_pair_elements: least distance of two or three clusters that began together, in elements; nearer
             ones are joined only if they continue one contact.
         undecided_frames: four clusters or more may be one face as long as no two of them were contacts, one
-            for more than so many frames: its corners need not be seen in the same frame. Compared were 0 to
-            8. Two or three clusters began together if these numbers differ by no more.
+            for more than so many frames: its corners need not be seen at once. Compared were 0, 3, 5 and 8.
+            Two or three clusters began together if these numbers differ by no more.
         same_centre_pitch: clusters continue a contact of the previous frame if the centre of their forces is
             within this distance of its centre, in pitches.
         max_jump: two clusters among others of which one is about as deep, or far apart with a contact between
