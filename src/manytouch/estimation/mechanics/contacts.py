@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.clusters.friction_fits import Friction
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
-from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, balance
+from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
+from manytouch.estimation.mechanics.inversion.iterate import balance
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.inversion.sheet_parameters import ParameterResponse
 from manytouch.estimation.mechanics.regions.contact_values import contact_of

@@ -31,6 +31,7 @@ from jaxtyping import Float64
 
 from manytouch.estimation.mechanics.inversion.beyond_markers import BeyondMarkers
 from manytouch.estimation.mechanics.inversion.force_nodes import smooth
+from manytouch.estimation.mechanics.inversion.iterate import Iterate
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
 from manytouch.geometry.spline.patch import Nodal
@@ -170,7 +171,7 @@ class GaussNewton:
             posterior_frames: number of frames since then.
             posterior_worst_chi2: that of the last full step.
         """
-        here = _Iterate.at(model, start, measured_px, information, usual_std_px)
+        here = Iterate.at(model, start, measured_px, information, usual_std_px)
         if posterior is not None:
             there = self._try_chord_step(model, posterior, here)
             if there is not None:
@@ -193,7 +194,7 @@ class GaussNewton:
                             return self._fit(model, here, posterior, steps=0)
         return self._iterate(model, start, here, noise)
 
-    def _iterate(self, model: InversionModel, start: SheetShape, here: "_Iterate", noise: float) -> Fit:
+    def _iterate(self, model: InversionModel, start: SheetShape, here: Iterate, noise: float) -> Fit:
         """Full steps until the forces converge; a reweighted step replaces the second one where it can."""
         steps, status = 0, Status.OK
         while True:
@@ -226,8 +227,8 @@ class GaussNewton:
         return replace(self._fit(model, here, posterior, steps=steps, status=status), shape=shape)
 
     def _reweighted_step(
-        self, model: InversionModel, posterior: Posterior, here: "_Iterate", noise: float
-    ) -> "tuple[_Iterate, Posterior] | None":
+        self, model: InversionModel, posterior: Posterior, here: Iterate, noise: float
+    ) -> tuple[Iterate, Posterior] | None:
         """A step with new weights and the derivatives of an earlier full step; None if that is not enough."""
         weighed_mm2 = here.shape.force_mm2
         new = posterior.reweighted(
@@ -244,8 +245,8 @@ class GaussNewton:
         return None if new is None or there is None else (there, new)
 
     def _search_line(
-        self, model: InversionModel, here: "_Iterate", change_mm: Nodal, weight: Nodal
-    ) -> "_Iterate | None":
+        self, model: InversionModel, here: Iterate, change_mm: Nodal, weight: Nodal
+    ) -> Iterate | None:
         """The first of the step and its halves that does not increase the cost; None if none does."""
         largest = self.max_change_pitch * model.pitch_mm
         change_mm = change_mm / max(float(np.abs(change_mm).max()) / largest, 1.0)
@@ -257,9 +258,7 @@ class GaussNewton:
             change_mm = change_mm * 0.5
         return None
 
-    def _try_chord_step(
-        self, model: InversionModel, posterior: Posterior, here: "_Iterate"
-    ) -> "_Iterate | None":
+    def _try_chord_step(self, model: InversionModel, posterior: Posterior, here: Iterate) -> Iterate | None:
         """The iterate after a step with an earlier posterior; None if too large or if the cost increases."""
         changed = float(np.abs(here.information - posterior.information).sum())
         if changed > self.max_information_change * float(np.abs(posterior.information).sum()):
@@ -273,7 +272,7 @@ class GaussNewton:
     def _fit(
         self,
         model: InversionModel,
-        here: "_Iterate",
+        here: Iterate,
         posterior: Posterior,
         *,
         steps: int,
@@ -317,7 +316,7 @@ class GaussNewton:
         weight[model.nodes.is_beyond] = self.beyond_markers.weights(model.nodes, shape.force_mm2)
         return weight
 
-    def _is_as_stiff(self, model: InversionModel, posterior: Posterior, now: "_Iterate") -> bool:
+    def _is_as_stiff(self, model: InversionModel, posterior: Posterior, now: Iterate) -> bool:
         """Whether the derivatives of an earlier frame are those of about this tension of the sheet."""
         slopes = posterior.linearisation.slope, now.shape.slope
         before, after = (model.nodes.force_noise_mm2(slope, 1.0) for slope in slopes)
@@ -327,74 +326,9 @@ class GaussNewton:
         before, now = (float(np.abs(force_mm2[:, 2]).sum()) for force_mm2 in (before_mm2, now_mm2))
         return now > self.min_growth * before
 
-    def _is_converged(self, model: InversionModel, before_mm2: Nodal, now: "_Iterate", share: float) -> bool:
+    def _is_converged(self, model: InversionModel, before_mm2: Nodal, now: Iterate, share: float) -> bool:
         unit_mm2 = self.force_unit_mm2(model, now.shape.slope, now.usual_std_px)
         now_mm2 = now.shape.force_mm2
         change_mm2 = np.abs(now_mm2 - before_mm2)[:, 2] - self.negligible_force * unit_mm2
         total_mm2 = float(np.abs(now_mm2[:, 2]).sum())
         return float(np.maximum(change_mm2, 0.0).sum()) <= share * total_mm2
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _Iterate:
-    """A shape with the residuals of the markers, their misfit, and the tangential and normal forces.
-
-    Attributes:
-        shape, measured_px, information, usual_std_px: see `GaussNewton.__call__`.
-        residual_px: (m, 2) predicted minus measured displacements of the marker images.
-        misfit: sum of the weighted squared residuals.
-        worst_chi2: as in `Fit`.
-        balance_mm2: (n, 3) as in `Fit`.
-    """
-
-    shape: SheetShape
-    measured_px: Points2
-    information: Covariances2
-    residual_px: Points2
-    misfit: float
-    worst_chi2: float
-    balance_mm2: Nodal
-    usual_std_px: float
-
-    @staticmethod
-    def at(
-        model: InversionModel,
-        shape: SheetShape,
-        measured_px: Points2,
-        information: Covariances2,
-        usual_std_px: float,
-    ) -> "_Iterate":
-        residual_px = np.asarray(shape.displacement_px - measured_px)
-        x, y = residual_px[:, 0], residual_px[:, 1]
-        pull_x = information[:, 0, 0] * x + information[:, 0, 1] * y
-        pull_y = information[:, 1, 0] * x + information[:, 1, 1] * y
-        misfit = x * pull_x + y * pull_y
-        return _Iterate(
-            shape=shape,
-            measured_px=measured_px,
-            information=information,
-            residual_px=residual_px,
-            misfit=float(misfit.sum()),
-            worst_chi2=0.5 * float(misfit.max(initial=0.0)),
-            balance_mm2=balance(model, shape.slope, shape.force_mm2),
-            usual_std_px=usual_std_px,
-        )
-
-    def move(self, model: InversionModel, change_mm: Nodal) -> "_Iterate":
-        there = SheetShape.at(model, self.shape.coefficient_mm + change_mm)
-        return _Iterate.at(model, there, self.measured_px, self.information, self.usual_std_px)
-
-    @property
-    def chi2(self) -> float:
-        return self.misfit / max(2.0 * float((self.information[:, 0, 0] > 0.0).sum()), 1.0)
-
-    def cost(self, weight: Nodal) -> float:
-        return self.misfit + float((weight * self.balance_mm2**2).sum())
-
-
-def balance(model: InversionModel, slope: Float64[np.ndarray, "nodes 2"], force_mm2: Nodal) -> Nodal:
-    """(n, 3) nodal forces over E tangential to the sheet with these slopes, and their z components."""
-    along = force_mm2.copy()
-    along[:, :2] += slope * force_mm2[:, 2:]
-    along[~model.patch.is_free] = 0.0
-    return along

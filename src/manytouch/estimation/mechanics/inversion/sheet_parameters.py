@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, balance
+from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
+from manytouch.estimation.mechanics.inversion.iterate import balance
 from manytouch.estimation.mechanics.inversion.sheet_model import PRETENSION_STEP_MM, InversionModel
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.markers.images import MarkerImages
