@@ -41,6 +41,8 @@ class ContactRules:
             to it. The strongest force of a frame is not tested: it causes most of the deformation. Other true
             contacts of the varied cases have 4 and more with drawn sensor files, 5 and more with true ones,
             their whole change counted.
+        body_force_stds: least normal force of a contact over its standard deviation by the body force, if one
+            is estimated; of the strongest contact too. Chosen on the sheets 0 to 7 and 10 to 21 of ADR 176.
         sure_stds: least normal force of a contact that is not the strongest, in standard deviations by noise
             and by what the parameters of the sheet change other than in proportion to the strongest force. On
             a sheet that is assumed, only a new contact needs it: unlike parameters scale the forces of
@@ -65,6 +67,7 @@ class ContactRules:
     start_stds: float = 4.0
     last_stds: float = 2.5
     outline_stds: float = 4.0
+    body_force_stds: float = 2.5
     sure_stds: float = 2.0
     same_contact_pitch: float = 1.0
     kept_share: float = 0.03
@@ -144,7 +147,12 @@ class ContactRules:
         else:
             by_outline_mm2 = _change_by_outline_mm2(clusters, fit, response)
             is_certain &= clusters.normal_mm2 >= self.outline_stds * by_outline_mm2
-        chosen = np.flatnonzero(is_certain | is_strongest)
+        is_chosen = is_certain | is_strongest
+        body_force = fit.shape.body_force
+        if body_force is not None and response.has_body_force:
+            changes_mm2 = _sums_mm2(clusters, *(body_force.deviations_g @ response.by_acceleration_mm2))
+            is_chosen &= clusters.normal_mm2 >= self.body_force_stds * np.linalg.norm(changes_mm2, axis=0)
+        chosen = np.flatnonzero(is_chosen)
         return clusters.select(chosen), stds[chosen]
 
 

@@ -165,7 +165,8 @@ class MechanicsEstimator:
             return self._step_undescribed(state.at_rest(), grid)
         std_px = rules.model_std_px(model, grid, state.reference_px, state.model_std_px)
         grid = with_excess(grid, state.excess_px2)
-        fit = self.fit_frame(replace(state, model_std_px=std_px), grid)
+        fitted_from = replace(state, model_std_px=std_px)
+        fit = self._with_body_force(fitted_from, grid, self.fit_frame(fitted_from, grid))
         residuals = fit.residual_px, self.marker_noise.rough_px2(grid, std_px), grid.is_seen, state.neighbours
         excess_px2 = self.excess_noise.after_fit(state.excess_px2, *residuals)
         is_described = rules.describes(model, fit, grid, state.reference_px, state.pitch_px)
@@ -224,10 +225,41 @@ class MechanicsEstimator:
         if status is Status.OK and not after.tracks.tracks and not may_start.any():
             after = after.with_drift(self.reference_drift, grid)
             at_rest = self.undescribed_frames.at_rest(model, after.without_sheet, grid)
-            after = replace(after, without_sheet=at_rest)
+            rest_cost = self.gauss_newton.body_force.rest_cost(after.rest_cost, fit.force_cost)
+            after = replace(after, without_sheet=at_rest, rest_cost=rest_cost)
         if state.response is not earlier_response and status is Status.OK and contacts.touching:
             after = sheet_updates.with_pretension(after, self.pretension, fit, clusters)
         return after, with_contact_pressures(surface, model.nodes, clusters, contacts), contacts
+
+    def _with_body_force(self, state: MechanicsState, grid: TrackedGrid, fit: Fit) -> Fit:
+        """The fit, or that with a body force if nothing has touched the sheet for long and this explains it.
+
+        Args:
+            state: before the frame.
+            grid: of the frame.
+            fit: without a body force.
+        """
+        estimator, frames = self.gauss_newton.body_force, state.tracks.touching_frames
+        if state.shape.body_force is not None or frames.max(initial=0) > estimator.most_frames:
+            return fit
+        body_force = estimator.first(
+            state.model,
+            fit.posterior,
+            fit.shape,
+            rest_cost=float(np.nan_to_num(state.rest_cost)),
+            is_touched=bool(state.tracks.tracks),
+        )
+        if body_force is None:
+            return fit
+        state = replace(state.with_fit(fit), shape=replace(fit.shape, body_force=body_force))
+        for _ in range(estimator.first_steps):
+            found = self.fit_frame(state, grid)
+            if found.status is not Status.OK:
+                return fit
+            state = state.with_fit(found)
+        left_mm2 = -float(found.shape.force_mm2[:, 2].min())
+        negligible_mm2 = self.gauss_newton.negligible_force * found.force_unit_mm2
+        return found if left_mm2 <= estimator.most_left * negligible_mm2 else fit
 
     def _measured_px(self, state: MechanicsState, grid: TrackedGrid) -> Points2:
         """(m, 2) displacements of the marker images without the motion of the views; 0 where not seen."""

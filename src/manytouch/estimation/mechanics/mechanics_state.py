@@ -54,6 +54,7 @@ class MechanicsState:
         response_is_due: whether the response of a later full step still has to be computed.
         previous: clusters of the previous frame, whether they were contacts or not.
         earlier_mm2: (nodes,) normal forces over E of earlier frames, see `KeptForces`.
+        rest_cost: see `BodyForceEstimator.rest_cost`.
         slip: state of the detection of slip.
         tracks: contacts of the previous frames.
         without_sheet: surface and contacts without a model of the sheet.
@@ -81,6 +82,7 @@ class MechanicsState:
     response_is_due: bool = False
     previous: EarlierClusters
     earlier_mm2: Float64[np.ndarray, " nodes"]
+    rest_cost: float = float("nan")
     slip: SlipState
     tracks: ContactTrackerState
     without_sheet: WithoutSheet
@@ -120,7 +122,7 @@ class MechanicsState:
 
         A fit that begins with a shape that failed may fail again.
         """
-        rest = SheetShape.at_rest(self.model)
+        rest = SheetShape.at_rest(self.model, self.shape.body_force)
         state = replace(self, shape=rest, posterior=None, posterior_frames=0)
         return replace(state, response=None, response_is_due=False)
 

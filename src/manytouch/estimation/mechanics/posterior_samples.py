@@ -59,7 +59,9 @@ class PosteriorSamples:
         if spline is None or not grid.is_seen.any():
             return ()
         model = self._state.model
-        shape = SheetShape.at(model, spline.coefficient_mm)
+        shape = replace(
+            SheetShape.at(model, spline.coefficient_mm), force_mm2=read_only(spline.force_over_E_mm2)
+        )
         state = replace(self._state, shape=shape)
         measured_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
         information = estimate.information(state, grid, measured_px)
@@ -68,7 +70,7 @@ class PosteriorSamples:
         weight = estimate.gauss_newton.weights(model, shape, noise, usual_std_px)
         press_mm2 = -shape.force_mm2[:, 2]
         weight[press_mm2 > _PRESSED_SHARE * press_mm2.max(initial=0.0), 2] = 0.0
-        linearisation = model.normal_equations.linearise(spline.coefficient_mm)
+        linearisation = model.normal_equations.linearise(spline.coefficient_mm, shape.force_mm2)
         posterior = model.normal_equations.solve(
             linearisation, shape.displacement_px - measured_px, information, weight
         )

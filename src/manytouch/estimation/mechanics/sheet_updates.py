@@ -20,6 +20,9 @@ def with_response(state: MechanicsState, fit: Fit) -> MechanicsState:
     before had a full step too, if there is no response yet, or if it is the first one with a press.
     """
     before, model = state.response, state.model
+    if before is not None and before.has_body_force != (fit.shape.body_force is not None):
+        before = None
+        state = replace(state, response_is_due=True)
     is_new = bool(fit.steps) or (before is not None and before.is_stale(model, fit))
     is_next = before is not None and before.may_wait(model, fit) and not state.response_is_due
     if fit.status is not Status.OK or is_next or not (is_new or state.response_is_due):
@@ -45,7 +48,7 @@ def with_pretension(
         pretension=now,
         model=model,
         variants=tuple(each.with_pretension(now.mean_mm) for each in state.variants),
-        shape=SheetShape.at(model, state.shape.coefficient_mm),
+        shape=SheetShape.at(model, state.shape.coefficient_mm, state.shape.body_force),
         posterior=None,
         posterior_frames=0,
     )

@@ -11,7 +11,7 @@ from manytouch.estimation.mechanics.contact_rules import ContactRules
 from manytouch.estimation.mechanics.inversion.gauss_newton import GaussNewton
 from manytouch.estimation.mechanics.inversion.sheet_model import NominalSheet
 from manytouch.estimation.mechanics.inversion.sheet_parameters import ParameterResponse
-from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
+from manytouch.estimation.mechanics.inversion.sheet_shape import BodyForce, SheetShape
 from manytouch.values import Contact
 from pressed_sheet import contacts_of, pressed, slack_sensor
 
@@ -79,6 +79,7 @@ def response_of(fit, changed, share):
         change_mm=np.zeros_like(change_mm2),
         force_change_mm2=change_mm2,
         by_outline_mm2=np.zeros(len(force_mm2)),
+        by_acceleration_mm2=np.zeros((0, len(force_mm2))),
         normal_mm2=-force_mm2[:, 2],
         total_mm2=1.1,
         balance_slope=np.zeros_like(force_mm2),
@@ -126,6 +127,24 @@ def test_on_an_assumed_sheet_a_contact_lasts_whatever_the_parameters_explain(
     fit, clusters, (_, weak) = two_forces(model)
     touching_mm = model.nodes.place_mm[[weak]] + [0.0, before_mm]
     found, _ = rules.certain(model, clusters, fit, response_of(fit, [weak], 0.7), touching_mm)
+    assert len(found) == remains
+
+
+@pytest.mark.parametrize(("std_g", "remains"), [(0.3, 2), (0.5, 1), (5.0, 0)])
+def test_what_an_error_of_the_body_force_explains_is_no_contact(std_g: float, remains: int) -> None:
+    """One g along z changes both forces by 0.09; they are 1 and 0.1."""
+    model, rules = NominalSheet()(slack_sensor(), USUAL_STD_PX), ContactRules()
+    fit, clusters, nodes = two_forces(model)
+    body_force = BodyForce(
+        acceleration_g=np.zeros(3),
+        covariance_g2=std_g**2 * np.eye(3),
+        force_mm2=np.zeros_like(fit.shape.force_mm2),
+    )
+    by_acceleration_mm2 = np.zeros((3, len(fit.shape.force_mm2)))
+    by_acceleration_mm2[2, nodes] = 0.09
+    response = replace(response_of(fit, [], 0.0), by_acceleration_mm2=by_acceleration_mm2)
+    fit = replace(fit, shape=replace(fit.shape, body_force=body_force))
+    found, _ = rules.certain(model, clusters, fit, response, NOTHING_BEFORE)
     assert len(found) == remains
 
 

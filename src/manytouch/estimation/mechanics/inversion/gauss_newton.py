@@ -30,6 +30,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.mechanics.inversion.beyond_markers import BeyondMarkers
+from manytouch.estimation.mechanics.inversion.body_force_estimator import BodyForceEstimator
 from manytouch.estimation.mechanics.inversion.force_nodes import smooth
 from manytouch.estimation.mechanics.inversion.iterate import Iterate
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
@@ -70,6 +71,11 @@ class Fit:
     steps: int
     status: Status
 
+    @property
+    def force_cost(self) -> float:
+        """The part of the objective that is that of the forces, with the weights of the posterior."""
+        return float(np.vdot(self.posterior.weight * self.balance_mm2, self.balance_mm2))
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class GaussNewton:
@@ -84,6 +90,7 @@ class GaussNewton:
             thickness (ADR 155).
         neighbour_share: a node's squared force counts as at least this share of the mean over its neighbours.
         beyond_markers: weights of the forces beyond the markers of an assumed sheet.
+        body_force: the estimate of weight and inertia of a sheet whose sensor moves.
         prior_weight: weight of the normal forces against the markers.
         convergence_share: the iteration ends when the normal forces change by at most this share in a step;
             changes below `negligible_force` do not count.
@@ -124,6 +131,7 @@ class GaussNewton:
     negligible_stds: float = 12.0
     neighbour_share: float = 0.5
     beyond_markers: BeyondMarkers = field(default_factory=BeyondMarkers)
+    body_force: BodyForceEstimator = field(default_factory=BodyForceEstimator)
     prior_weight: float = 3.0
     convergence_share: float = 0.1
     max_posterior_frames: int = 3
@@ -175,7 +183,7 @@ class GaussNewton:
         if posterior is not None:
             there = self._try_chord_step(model, posterior, here)
             if there is not None:
-                here = there
+                here = self.body_force(model, posterior, there, start.body_force)
                 if here.chi2 <= self.poor_chi2 and self._is_as_stiff(model, posterior, here):
                     share = self.convergence_share if posterior_frames < self.max_posterior_frames else 0.0
                     most_chi2 = self.max_worst_growth * max(posterior_worst_chi2, self.poor_chi2)
@@ -207,6 +215,7 @@ class GaussNewton:
             if there is None:
                 status = Status.NOT_CONVERGED
                 break
+            there = self.body_force(model, posterior, there, start.body_force)
             gain, before_mm2, here = here.chi2 - there.chi2, here.shape.force_mm2, there
             steps += 1
             if here.chi2 > self.poor_chi2 and gain > self.min_gain * here.chi2:

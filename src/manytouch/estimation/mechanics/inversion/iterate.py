@@ -60,7 +60,8 @@ class Iterate:
         )
 
     def move(self, model: InversionModel, change_mm: Nodal) -> "Iterate":
-        there = SheetShape.at(model, self.shape.coefficient_mm + change_mm)
+        coefficient_mm = self.shape.coefficient_mm + change_mm
+        there = SheetShape.at(model, coefficient_mm, self.shape.body_force)
         return Iterate.at(model, there, self.measured_px, self.information, self.usual_std_px)
 
     @property

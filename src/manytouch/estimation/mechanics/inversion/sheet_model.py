@@ -22,6 +22,10 @@ PRETENSION_STEP_MM = 1e-3
 """Of a finite difference; it stretches a sheet by less than 0.1 %, which hardly changes its moduli."""
 """A layout with fewer markers is refused; a frame that shows fewer has the status `few_markers`."""
 
+GRAVITY_M_S2 = 9.80665
+USUAL_DENSITY_KG_M3 = 1100.0
+"""Of a sheet whose sensor file does not state it; silicones and TPU have 960 to 1210 kg/m^3."""
+
 _CLAMPED_BENDING, _CLAMPED_TENSION = 500.56, 12.303
 """Integrals of squared second and first derivatives of the first function of a clamped beam of length 1, over
 that of its square."""
@@ -43,6 +47,7 @@ class InversionModel:
         thickness_mm: of the sheet.
         thickness_std_mm: its standard deviation where it was assumed; else NaN.
         young_MPa: None if forces are relative, over E.
+        weight_mm2: (nodes,) weight of the sheet over E at each node; 0 if E is not known.
         young_relative_std: its standard deviation over its value.
         is_excluded: (n,) nodes so near a clamp that they have its forces, or beyond the markers of an assumed
             sheet.
@@ -63,6 +68,7 @@ class InversionModel:
     thickness_mm: float
     thickness_std_mm: float
     young_MPa: float | None
+    weight_mm2: Scalars
     young_relative_std: float
     is_excluded: Mask
     inner_markers: int
@@ -227,6 +233,7 @@ class NominalSheet:
             thickness_mm=thickness_mm,
             thickness_std_mm=float((sheet.is_assumed and sheet.thickness_std_mm) or np.nan),
             young_MPa=sheet.young_MPa if sensor.scale_is_known else None,
+            weight_mm2=_weight_mm2(shell, sheet, sensor.scale_is_known),
             young_relative_std=_young_relative_std(sheet),
             is_excluded=read_only((off_mm > reach_mm).any(axis=1) | is_beyond),
             inner_markers=int(
@@ -315,6 +322,15 @@ def _stiffening(shell: Shell) -> float:
     rigidity_mm3 = shell.bending_factor * shell.thickness_mm**3 / (12.0 * (1.0 - shell.poisson**2))
     stretched_mm = shell.thickness_mm / (4.0 * (1.0 - shell.poisson))
     return stretched_mm * tension / (rigidity_mm3 * bending + shell.pretension_over_E_mm * tension)
+
+
+def _weight_mm2(shell: Shell, sheet: Sheet, scale_is_known: bool) -> Scalars:
+    """`InversionModel.weight_mm2`."""
+    if sheet.young_MPa is None or not scale_is_known:
+        return read_only(np.zeros(shell.patch.node_count))
+    density_kg_m3 = USUAL_DENSITY_KG_M3 if sheet.density_kg_m3 is None else sheet.density_kg_m3
+    weight_MPa = density_kg_m3 * GRAVITY_M_S2 * shell.thickness_mm * 1e-9
+    return read_only(weight_MPa / sheet.young_MPa * shell.patch.area_mm2)
 
 
 def _young_relative_std(sheet: Sheet) -> float:

@@ -15,7 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64, Int64
+from scipy.linalg import block_diag
 
+from manytouch.estimation.mechanics.inversion.body_force_estimator import nodal_forces_mm2
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
 from manytouch.estimation.mechanics.inversion.iterate import balance
 from manytouch.estimation.mechanics.inversion.sheet_model import PRETENSION_STEP_MM, InversionModel
@@ -266,10 +268,13 @@ class ParameterResponse:
 
     Attributes:
         change_mm: (p, nodes, 3) change of the coefficients of the shape for one standard deviation of each
-            parameter; of the outline, if all its sides are off by that.
+            parameter; of the outline, if all its sides are off by that; of the acceleration, for independent
+            errors.
         force_change_mm2: (p, nodes, 3) the same of the forces over E.
         by_outline_mm2: (nodes,) the same for one standard deviation of the outline, with that of the shell's
             error next to a clamp; 0 where there is no clamp.
+        by_acceleration_mm2: (a, nodes) derivatives of the normal forces over E by the acceleration of a body
+            force, per g, along each axis; a is 0 if none is estimated.
         normal_mm2: (nodes,) normal forces over E, positive in compression, of the frame.
         total_mm2: their sum, without tension.
         balance_slope: (nodes, 3) derivative of tangential and normal forces over E by the pretension over E,
@@ -280,10 +285,16 @@ class ParameterResponse:
     change_mm: Changes
     force_change_mm2: Changes
     by_outline_mm2: Float64[np.ndarray, " nodes"]
+    by_acceleration_mm2: Float64[np.ndarray, "a nodes"]
     normal_mm2: Float64[np.ndarray, " nodes"]
     total_mm2: float
     balance_slope: Nodal
     image_slope_px: Points2
+
+    @property
+    def has_body_force(self) -> bool:
+        """Whether a body force is one of the parameters."""
+        return len(self.by_acceleration_mm2) > 0
 
     def is_stale(self, model: InversionModel, fit: Fit) -> bool:
         """Whether the total force of a frame clearly differs from that of the response."""
@@ -345,18 +356,18 @@ def total_force_mm2(model: InversionModel, fit: Fit) -> float:
 def parameter_response(
     model: InversionModel, variants: tuple[SheetVariant, ...], pretension: PretensionEstimate, fit: Fit
 ) -> ParameterResponse:
-    """The response of a fitted frame; one column for the pretension, then one for each variant."""
+    """The response of a fitted frame to the pretension, to each variant, and to a body force."""
     posterior, shape = fit.posterior, fit.shape
     linearisation, weight = posterior.linearisation, posterior.weight
     coefficient_mm, count = shape.coefficient_mm, len(posterior.information)
-    more_mm2 = model.stretched.shell.forces(coefficient_mm) - shape.force_mm2
+    more_mm2 = model.stretched.shell.forces(coefficient_mm) - shape.internal_mm2
     moved_px = model.stretched.displacement_px(coefficient_mm) - shape.displacement_px
     force_changes, image_changes = [more_mm2 / PRETENSION_STEP_MM], [moved_px / PRETENSION_STEP_MM]
     stds, outline_stds = [pretension.std_mm], [0.0]
     for variant in variants:
         changed_mm2 = np.zeros_like(shape.force_mm2)
         if variant.shell is not None:
-            changed_mm2 = variant.shell.forces(coefficient_mm) - shape.force_mm2
+            changed_mm2 = variant.shell.forces(coefficient_mm) - shape.internal_mm2
         force_changes.append(changed_mm2)
         moved = np.zeros((count, 2))
         if variant.marker_images is not None:
@@ -364,6 +375,11 @@ def parameter_response(
         image_changes.append(moved)
         stds.append(variant.std_over_step)
         outline_stds.append(variant.outline_std_over_step)
+    std = np.diag(stds)
+    if shape.body_force is not None:
+        force_changes += list(-nodal_forces_mm2(model))
+        image_changes += 3 * [np.zeros((count, 2))]
+        std = block_diag(std, shape.body_force.deviations_g)
     balances = [balance(model, shape.slope, each) for each in force_changes]
     gradients = linearisation.gradients(
         np.stack(image_changes), posterior.information, weight * np.stack(balances)
@@ -371,11 +387,11 @@ def parameter_response(
     solved = posterior.solve(gradients)
     by_step = np.stack(force_changes) - linearisation.force_changes(solved)
     node = model.dots.tips.basis.node
-    std = np.array(stds)[:, None, None]
     return ParameterResponse(
-        change_mm=-std * solved,
-        force_change_mm2=std * by_step,
-        by_outline_mm2=np.array(outline_stds) @ by_step[:, :, 2],
+        change_mm=-np.tensordot(std, solved, 1),
+        force_change_mm2=np.tensordot(std, by_step, 1),
+        by_acceleration_mm2=by_step[len(stds) :, :, 2].copy(),
+        by_outline_mm2=np.array(outline_stds) @ by_step[: len(stds), :, 2],
         normal_mm2=-shape.force_mm2[:, 2],
         total_mm2=total_force_mm2(model, fit),
         balance_slope=balances[0] - linearisation.balance_change(solved[0]),
