@@ -42,7 +42,7 @@ class ContactRules:
             contacts of the varied cases have 4 and more with drawn sensor files, 5 and more with true ones,
             their whole change counted.
         body_force_stds: least normal force of a contact over its standard deviation by the body force, if one
-            is estimated; of the strongest contact too. Chosen on the sheets 0 to 7 and 10 to 21 of ADR 176.
+            is estimated; of the strongest contact too. Chosen on the turned sheets of ADR 176.
         sure_stds: least normal force of a contact that is not the strongest, in standard deviations by noise
             and by what the parameters of the sheet change other than in proportion to the strongest force. On
             a sheet that is assumed, only a new contact needs it: unlike parameters scale the forces of

@@ -41,10 +41,10 @@ class BodyForceEstimator:
             to 0.42, a body force 0.7 and more when it is clear (ADR 176).
         pull_force: forces that pull a sheet without contacts have together at least so many least forces of a
             contact, if `pulled_share` is to replace `least_share`: objects press.
-        pulled_share: see there.
+        pulled_share: see `pull_force`.
         most_left: largest nodal force that presses in a first fit with a body force, over
             `GaussNewton.negligible_force`. What remains of presses is larger.
-        rest_share: share of the latest frame in the mean that the forces add to the objective at rest.
+        rest_share: weight of the latest frame in the mean of what the forces add to the objective at rest.
         most_rest_growth: a frame with more than this times the mean is not one at rest.
         first_steps: of a frame that is fitted with a body force for the first time.
     """
@@ -114,9 +114,8 @@ class BodyForceEstimator:
         """
         if np.isnan(before):
             return cost
-        return (
-            before + self.rest_share * (cost - before) if cost <= self.most_rest_growth * before else before
-        )
+        is_at_rest = cost <= self.most_rest_growth * before
+        return before + self.rest_share * (cost - before) if is_at_rest else before
 
     def __call__(
         self, model: InversionModel, posterior: Posterior, here: Iterate, before: BodyForce | None

@@ -18,9 +18,9 @@ from manytouch.values.sensor_file.assumed_sheet import ASSUMED_POISSON, assumed_
 from manytouch.values.sensor_file.default_std import sheet_std
 
 MIN_MARKERS = 12
+"""A layout with fewer markers is refused; a frame that shows fewer has the status `few_markers`."""
 PRETENSION_STEP_MM = 1e-3
 """Of a finite difference; it stretches a sheet by less than 0.1 %, which hardly changes its moduli."""
-"""A layout with fewer markers is refused; a frame that shows fewer has the status `few_markers`."""
 
 GRAVITY_M_S2 = 9.80665
 USUAL_DENSITY_KG_M3 = 1100.0
