@@ -246,6 +246,7 @@ class MechanicsEstimator:
             state.model,
             fit.posterior,
             fit.shape,
+            fit.balance_mm2,
             rest_cost=float(np.nan_to_num(state.rest_cost)),
             is_touched=bool(state.tracks.tracks),
         )

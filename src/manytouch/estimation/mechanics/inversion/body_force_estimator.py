@@ -18,6 +18,7 @@ from jaxtyping import Float64
 from manytouch.estimation.mechanics.inversion.iterate import Iterate, balance
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.inversion.sheet_shape import BodyForce, SheetShape
+from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.solver.posterior import Posterior
 from manytouch.values.arrays import read_only
 
@@ -69,6 +70,7 @@ class BodyForceEstimator:
         model: InversionModel,
         posterior: Posterior,
         shape: SheetShape,
+        balance_mm2: Nodal,
         *,
         rest_cost: float,
         is_touched: bool,
@@ -79,12 +81,12 @@ class BodyForceEstimator:
             model: of the sheet.
             posterior: of the fit.
             shape: of the fit.
+            balance_mm2: of the fit.
             rest_cost: that of the forces of a sheet at rest, from `rest_cost`.
             is_touched: whether there are contacts.
         """
         if self.std_g == 0.0 or not model.weight_mm2.any():
             return None
-        balance_mm2 = balance(model, shape.slope, shape.force_mm2)
         weighted = posterior.weight * balance_mm2
         cost = float(np.vdot(weighted, balance_mm2)) - rest_cost
         pull_mm2 = float(shape.force_mm2[~model.is_excluded, 2].sum())

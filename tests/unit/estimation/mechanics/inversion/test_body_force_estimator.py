@@ -184,12 +184,12 @@ def test_what_the_noise_of_forces_costs_at_rest_does_not_count(rest_share: float
     *_, (state, _) = steps([shape_mm(turned(share)) for share in (0.0, 0.0, 0.2)], std_g=0.0)
     model, posterior, shape = state.model, state.posterior, state.shape
     assert posterior is not None
-    weighted = posterior.weight * balance(model, shape.slope, shape.force_mm2)
-    cost = float(np.vdot(weighted, balance(model, shape.slope, shape.force_mm2)))
+    balance_mm2 = balance(model, shape.slope, shape.force_mm2)
+    cost = float(np.vdot(posterior.weight * balance_mm2, balance_mm2))
 
     def found(least_share: float, rest_cost: float) -> bool:
         estimator = BodyForceEstimator(least_gain=0.1, least_share=least_share, pull_force=np.inf)
-        first = estimator.first(model, posterior, shape, rest_cost=rest_cost, is_touched=False)
+        first = estimator.first(model, posterior, shape, balance_mm2, rest_cost=rest_cost, is_touched=False)
         return first is not None
 
     shares = np.linspace(0.0, 2.0, 2001)
