@@ -4,9 +4,11 @@ FOLDER contains scenes of `random_scenes.py --moving`, with or without `--pads`.
 From the frame on in which nothing presses any more, each marker keeps a share of a mean of its earlier
 displacements that fades with a time constant, as a Kelvin-Voigt element in series with an elastic sheet does
 (Y. C. Fung, Biomechanics, 1993, chapter 2). Four seconds of rest follow. Nothing touches in these frames.
+With `--times 8` there are so many frames for each of the scene, with the markers on the lines between: 120
+instead of 15 frames per second.
 
     .venv/bin/python benchmarks/random_scenes.py --moving --first 500 --scenes 4 --out out/moving
-    .venv/bin/python benchmarks/after_release.py out/moving --share 0.03
+    .venv/bin/python benchmarks/after_release.py out/moving --share 0.03 [--times 8]
 """
 
 import argparse
@@ -24,7 +26,7 @@ from manytouch.values.sensor_file.read import load_sensor
 
 NOISE_PX = 0.01
 REST_S = 4.0
-SETTLE_FRAMES = 3  # after the release, in which a contact may end
+SETTLE_S = 0.2  # after the release, in which a contact may end
 
 
 def true_markers(truth: Path) -> tuple[np.ndarray, float]:
@@ -34,6 +36,14 @@ def true_markers(truth: Path) -> tuple[np.ndarray, float]:
     place_px = np.full((frame.max() + 1, marker.max() + 1, 2), np.nan)
     place_px[frame, marker] = np.column_stack([x_px, y_px])
     return place_px, float(frame.max() / time_s.max())
+
+
+def at_more_times(place_px: np.ndarray, times: int) -> np.ndarray:
+    """(f, m, 2) images in so many frames for each one, on the lines between them."""
+    step = np.arange((len(place_px) - 1) * times + 1) / times
+    before = np.minimum(step.astype(int), len(place_px) - 2)
+    share = (step - before)[:, None, None]
+    return np.asarray((1.0 - share) * place_px[before] + share * place_px[before + 1])
 
 
 def last_pressed(truth: Path) -> int:
@@ -51,17 +61,20 @@ def creeping_px(place_px: np.ndarray, last: int, share: float, fade: float) -> I
         yield now_px if number <= last else now_px + share * kept_px
 
 
-def frames_with_contact(folder: Path, share: float, seconds: float) -> tuple[int, int]:
+def frames_with_contact(folder: Path, share: float, seconds: float, times: int = 1) -> tuple[int, int]:
     """Number of frames with a contact after the release, and number of these frames."""
     truth = folder / "simulated" / "truth"
-    place_px, fps = true_markers(truth)
+    place_px, scene_fps = true_markers(truth)
+    place_px, fps = at_more_times(place_px, times), times * scene_fps
     place_px = np.concatenate([place_px, np.tile(place_px[:1], (round(REST_S * fps), 1, 1))])
     estimator = pipeline_for("mechanics").estimate
     state = estimator.start(load_sensor(folder / "simulated" / "sensor.toml"))
-    random, last, count = np.random.default_rng(0), last_pressed(truth), 0
+    random, last, count = np.random.default_rng(0), times * (last_pressed(truth) + 1) - 1, 0
+    settle = round(SETTLE_S * fps)
     for number, now_px in enumerate(creeping_px(place_px, last, share, np.exp(-1.0 / (fps * seconds)))):
         is_seen = np.isfinite(now_px).all(axis=1)
         grid = TrackedGrid(
+            timestamp_ns=round(number * 1e9 / fps),
             position_px=read_only(now_px + random.normal(0.0, NOISE_PX, now_px.shape)),
             covariance_px2=read_only(
                 np.where(is_seen[:, None, None], NOISE_PX**2 * np.eye(2), np.nan * np.eye(2))
@@ -70,8 +83,8 @@ def frames_with_contact(folder: Path, share: float, seconds: float) -> tuple[int
             frames_unseen=read_only((~is_seen).astype(np.int64)),
         )
         state, _, contacts = estimator.step(state, grid)
-        count += number > last + SETTLE_FRAMES and len(contacts.touching) > 0
-    return count, len(place_px) - last - 1 - SETTLE_FRAMES
+        count += number > last + settle and len(contacts.touching) > 0
+    return count, len(place_px) - last - 1 - settle
 
 
 def main() -> None:
@@ -79,6 +92,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--share", type=float, default=0.03, help="of the displacements that remain at first")
     parser.add_argument("--seconds", type=float, default=1.0, help="time constant with which they fade")
+    parser.add_argument("--times", type=int, default=1, help="frames for each frame of the scene")
     args = parser.parse_args()
     found = []
     folders = [truth.parents[1] for truth in sorted(args.folder.glob("*/simulated/truth"))]
@@ -87,7 +101,7 @@ def main() -> None:
             f"{args.folder} contains no scenes; make some with random_scenes.py --moving --out FOLDER"
         )
     for folder in folders:
-        count, frames = frames_with_contact(folder, args.share, args.seconds)
+        count, frames = frames_with_contact(folder, args.share, args.seconds, args.times)
         found.append((count, frames))
         print(f"{folder.name}: a contact in {count} of {frames} frames after the release", flush=True)
     print("all: a contact in {} of {} frames after the release".format(*np.sum(found, axis=0)))

@@ -1,6 +1,6 @@
 """Contacts on sensors that are turned, whose sheet hangs otherwise then than at rest.
 
-    python benchmarks/turned_sensor.py [--first 100] [--scenes 6] [--fixed]
+    python benchmarks/turned_sensor.py [--first 100] [--scenes 6] [--fixed] [--fps 30]
 
 Each scene has a clamped sheet of its own (that of `random_scenes.py --moving`; silicone of 1070 kg/m^3) as a
 3-D solid under its weight. After half a second at rest the sensor is turned within a second, into another
@@ -32,7 +32,7 @@ from manytouch.values import Sensor, TrackedGrid, Truth
 from manytouch.values.arrays import read_only
 from manytouch.values.sensor_file.read import load_sensor
 
-FPS, SEED, DENSITY_KG_M3, NOISE_PX = 30.0, 77000, 1070.0, 0.01
+SEED, DENSITY_KG_M3, NOISE_PX = 77000, 1070.0, 0.01
 GATE_MM = 3.0
 CLEAR_MM = -3.0
 # time in s, share of the turn, share of the depth of the ball
@@ -60,7 +60,7 @@ def unit(vector: np.ndarray) -> np.ndarray:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-def simulated(number: int) -> Scene | None:
+def simulated(number: int, fps: float) -> Scene | None:
     """The scene with this number, or None if no equilibrium is found."""
     draw = np.random.default_rng(SEED + number)
     with TemporaryDirectory() as folder:
@@ -99,7 +99,7 @@ def simulated(number: int) -> Scene | None:
             return None
         states.append(condense(state, loading))
     scene = SolidScene(name=sensor.name, time_s=time_s, states=tuple(states), duration_s=time_s[-1])
-    simulator = Simulator(sensor=sensor, scene=scene, fps=FPS)
+    simulator = Simulator(sensor=sensor, scene=scene, fps=fps)
     truths = [simulator.truth(frame) for frame in range(simulator.frame_count)]
     given = replace(sensor, layout=replace(layout, rest_px=truths[0].grid.position_px))
     moved_mm = np.abs(states[7].face_mm - states[0].face_mm).max()
@@ -139,6 +139,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=100, help="number of the first scene")
     parser.add_argument("--scenes", type=int, default=6)
     parser.add_argument("--fixed", action="store_true", help="do not estimate a body force")
+    parser.add_argument("--fps", type=float, default=30.0, help="frames per second")
     args = parser.parse_args()
     estimator = MechanicsEstimator()
     if args.fixed:
@@ -147,7 +148,7 @@ def main() -> None:
         estimator = replace(estimator, gauss_newton=fixed)
     totals, every = np.zeros(3, dtype=np.int64), list[float]()
     for number in range(args.first, args.first + args.scenes):
-        scene = simulated(number)
+        scene = simulated(number, args.fps)
         if scene is None:
             print(f"{number}: no equilibrium was found", flush=True)
             continue

@@ -197,6 +197,7 @@ def track_frames(
         else:
             detections, grid = views[0].step(frame)
         _protect(detections)
+        grid = replace(grid, timestamp_ns=frame.timestamp_ns)
         spent_ms = 1e3 * (time.perf_counter() - begin_s)
         yield TrackedFrame(frame=frame, detections=detections, grid=grid, milliseconds=spent_ms)
     if not several:

@@ -95,6 +95,11 @@ def test_every_frame_gives_one_reading_in_order() -> None:
     assert all(reading.milliseconds > 0 for reading in made)
 
 
+def test_an_estimator_knows_the_time_of_a_frame() -> None:
+    _, made = readings()
+    assert [reading.grid.timestamp_ns for reading in made] == [0, 1, 2, 3]
+
+
 def test_the_dots_of_a_reading_are_read_only() -> None:
     _, made = readings()
     found = made[0].detections

@@ -12,8 +12,9 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from manytouch.errors import SensorError
+from manytouch.estimation.frame_interval import USUAL_S
 from manytouch.values import Contact, Contacts, Phase, Sensor, Status
-from manytouch.values.arrays import Counts, Mask, Points2
+from manytouch.values.arrays import Mask, Points2, Scalars
 
 _UNUSABLE_FRAMES = 10  # a choice: a frame that is not ok is no evidence that a contact has ended
 
@@ -27,12 +28,14 @@ class ContactTrack:
         given: id with which the contact was found in that frame; -1 without one.
         seen: number of frames that showed it.
         unseen: number of frames since the last of these.
+        age_s: time since the first of them.
     """
 
     contact: Contact
     seen: int
     unseen: int = 0
     given: int = -1
+    age_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -55,9 +58,9 @@ class ContactTrackerState:
         return tuple(track.contact for track in self.tracks if track.contact.id >= 0)
 
     @property
-    def touching_frames(self) -> Counts:
-        """(k,) number of frames that showed each of these."""
-        return np.array([track.seen for track in self.tracks if track.contact.id >= 0], dtype=np.int64)
+    def touching_s(self) -> Scalars:
+        """(k,) for how long there has been each of these."""
+        return np.array([track.age_s for track in self.tracks if track.contact.id >= 0], dtype=np.float64)
 
 
 def nowhere(place_mm: Points2) -> Mask:
@@ -125,6 +128,7 @@ class ContactTracker:
         may_start: Sequence[bool] | None = None,
         is_loaded: Callable[[Contact], bool] | None = None,
         status: Status = Status.OK,
+        elapsed_s: float = USUAL_S,
     ) -> tuple[ContactTrackerState, Contacts]:
         """Identifies the contacts of the next frame.
 
@@ -139,6 +143,7 @@ class ContactTracker:
                 if the status is "ok".
             status: of the frame; unless it is "ok" no contact ends because it is not found, for up to
                 ten times `bridge_frames`.
+            elapsed_s: time since the frame before.
 
         Returns:
             The new state, and the contacts in the order of their ids: those that touch, with phase start
@@ -149,11 +154,16 @@ class ContactTracker:
         next_id = state.next_id
         tracks: list[ContactTrack] = []
         reported: list[Contact] = []
-        for index, track in enumerate(state.tracks):
+        for index, before in enumerate(state.tracks):
+            track = replace(before, age_s=before.age_s + elapsed_s)
             if index in partner:
                 now = found[partner[index]]
-                continued = ContactTrack(
-                    contact=replace(now, id=track.contact.id), seen=track.seen + 1, given=now.id
+                continued = replace(
+                    track,
+                    contact=replace(now, id=track.contact.id),
+                    seen=track.seen + 1,
+                    unseen=0,
+                    given=now.id,
                 )
                 continued, next_id = self._confirm(continued, next_id)
             elif track.contact.id < 0:

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
+from manytouch.estimation.frame_interval import remaining
 from manytouch.estimation.kernels import lengths_without_view
 from manytouch.geometry.neighbours import nearest_neighbours
 from manytouch.values.arrays import Mask, Points2, Scalars, read_only, read_only_view
@@ -116,7 +117,7 @@ class LocalMotion:
         creep_growth: largest ratio of what it keeps to the smallest local motion since that press.
         sure_share: share of a recent press that a pad keeps, whatever the fit of a contact shows: twice that
             of gels. Only the estimator of pads fits contacts.
-        fade: factor by which a press becomes less recent from frame to frame: a choice.
+        fade_s: time constant with which a press becomes less recent: a choice.
         exceeded_by: share of a group that moves at least as far as its local motion.
         reach: residual over the median residual at which a marker has no weight in the motion of the view.
         refinements: rounds of weighting.
@@ -130,7 +131,7 @@ class LocalMotion:
     creep_share: float = 0.2
     creep_growth: float = 2.0
     sure_share: float = 0.06
-    fade: float = 0.99
+    fade_s: float = 6.6
     exceeded_by: float = 0.66
     reach: float = 3.0
     refinements: int = 6
@@ -187,8 +188,9 @@ class LocalMotion:
         """Whether a local motion that may be kept is also what any pad keeps of a recent press."""
         return local_pitch <= self.sure_share * memory.recent
 
-    def remember(self, memory: TouchMemory, largest: float) -> TouchMemory:
-        """The memory after a frame with this largest local motion."""
+    def remember(self, memory: TouchMemory, largest: float, *, elapsed_s: float) -> TouchMemory:
+        """The memory after a frame with this largest local motion, so long after the frame before."""
         strongest = max(memory.strongest, largest)
         lowest = largest if largest >= 0.5 * strongest else min(memory.lowest, largest)
-        return TouchMemory(strongest=strongest, lowest=lowest, recent=max(self.fade * memory.recent, largest))
+        recent = max(remaining(elapsed_s, self.fade_s) * memory.recent, largest)
+        return TouchMemory(strongest=strongest, lowest=lowest, recent=recent)

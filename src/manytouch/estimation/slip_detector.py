@@ -6,6 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from manytouch.estimation.frame_interval import remaining
 from manytouch.values import Contact, Contacts, Phase
 
 
@@ -31,22 +32,32 @@ class SlipDetector:
     Attributes:
         min_ratio: least ratio of shear to normal force of a contact that slips.
         saturated_share: a ratio above this share of the largest one so far no longer increases.
-        decay: of the largest ratio, per frame.
+        decay_s: time constant with which the largest ratio falls off.
         moving_pitch: a contact moves if its centre is farther than this from the filtered one, in pitches.
-        filter_share: weight of the present centre in the filtered one.
+        filter_s: time constant with which the filtered centre follows the contact. A contact that slides
+            evenly is ahead of it by the way of about this time.
     """
 
     min_ratio: float = 0.1
     saturated_share: float = 0.85
-    decay: float = 0.99
+    decay_s: float = 3.3
     moving_pitch: float = 0.1
-    filter_share: float = 0.3
+    filter_s: float = 0.1
 
-    def __call__(self, state: SlipState, contacts: Contacts, pitch_mm: float) -> tuple[SlipState, Contacts]:
+    def __call__(
+        self, state: SlipState, contacts: Contacts, pitch_mm: float, *, elapsed_s: float
+    ) -> tuple[SlipState, Contacts]:
         """The contacts with slip flags; None where the force is NaN and in the first frame of a contact.
 
         One that ends keeps its last flag.
+
+        Args:
+            state: of the frame before.
+            contacts: of this frame.
+            pitch_mm: of the layout.
+            elapsed_s: time since the frame before.
         """
+        kept, share = remaining(elapsed_s, self.decay_s), 1.0 - remaining(elapsed_s, self.filter_s)
         flagged: list[Contact] = []
         ratios, centres, flags = {}, {}, {}
         for contact in contacts.contacts:
@@ -57,7 +68,7 @@ class SlipDetector:
             if not np.isfinite(ratio):
                 flagged.append(contact)
                 continue
-            largest = max(ratio, self.decay * state.ratio.get(contact.id, 0.0))
+            largest = max(ratio, kept * state.ratio.get(contact.id, 0.0))
             filtered_mm = state.centre_mm.get(contact.id, contact.centre_mm)
             away_mm = contact.centre_mm - filtered_mm
             is_moving = float(np.hypot(*away_mm)) > self.moving_pitch * pitch_mm
@@ -65,7 +76,7 @@ class SlipDetector:
             if contact.id in state.centre_mm:  # else no motion is known
                 flags[contact.id] = bool(is_moving and is_saturated)
             flagged.append(replace(contact, slip=flags.get(contact.id)))
-            ratios[contact.id], centres[contact.id] = largest, filtered_mm + self.filter_share * away_mm
+            ratios[contact.id], centres[contact.id] = largest, filtered_mm + share * away_mm
         slip = SlipState(
             ratio=MappingProxyType(ratios),
             centre_mm=MappingProxyType(centres),

@@ -315,6 +315,7 @@ def _damaged_reading(frame: Frame, layout: Layout) -> Reading:
             is_seen=np.zeros(markers, dtype=np.bool_),
             frames_unseen=np.ones(markers, dtype=np.int64),
             status=Status.DECODE_ERROR,
+            timestamp_ns=frame.timestamp_ns,
         ),
         surface=Surface(
             position_mm=nothing,

@@ -203,6 +203,7 @@ class Simulator:
             covariance_px2=read_only(np.where(is_seen[:, None, None], np.zeros((2, 2)), np.nan)),
             is_seen=read_only(is_seen),
             frames_unseen=read_only(np.where(is_seen, 0, index + 1).astype(np.int64)),
+            timestamp_ns=round(self._time_s(index) * 1e9),
         )
 
     def _contacts(self, index: int) -> Contacts:

@@ -25,7 +25,8 @@ class TrackedGrid:
         status: that of the detections if it is not `OK`; else `AMBIGUOUS_SHIFT`, `FEW_MARKERS` or `OK`. The
             method `paper` has `MANY_MARKERS` instead of `AMBIGUOUS_SHIFT`.
         is_compressed: whether markers that stayed exactly where they were have shown that these are pictures
-            of compressed video. A recording does not keep it, and `paper` does not notice it.
+            of compressed video. The process of the outputs does not keep it, and `paper` does not notice it.
+        timestamp_ns: that of the frame, by which an estimator knows the time between frames; None: not known.
     """
 
     position_px: Points2
@@ -37,6 +38,7 @@ class TrackedGrid:
     new_ids: int | None = None
     status: Status = Status.OK
     is_compressed: bool = False
+    timestamp_ns: int | None = None
 
     __reduce__ = reduced
 

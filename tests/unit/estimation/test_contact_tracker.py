@@ -193,3 +193,13 @@ def test_a_contact_of_another_tracker_continues_wherever_it_is():
     assert places == {0: 30.0, 1: 0.0}
     tracked = track([*frames, [contact(1, 0), replace(contact(30, 0), id=9)]])
     assert {each.id: float(each.centre_mm[0]) for each in tracked[-1].touching} == {0: 30.0, 1: 1.0}
+
+
+def test_a_contact_is_as_old_as_the_time_since_its_first_frame():
+    """Frames that do not show it count too."""
+    state, here = TRACKER.start(SENSOR), [contact(5, 5)]
+    ages_s = []
+    for found in ([], here, here, [], here):
+        state, _ = TRACKER.step(state, found, elapsed_s=0.05)
+        ages_s.append(state.touching_s.tolist())
+    assert ages_s == [[], [], [pytest.approx(0.05)], [pytest.approx(0.1)], [pytest.approx(0.15)]]

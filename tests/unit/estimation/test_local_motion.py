@@ -27,24 +27,24 @@ def test_local_motion_is_that_of_most_of_a_group(count: int) -> None:
 
 def test_a_lower_motion_after_a_press_lowers_what_may_be_left_of_it() -> None:
     motion = LocalMotion()
-    memory = motion.remember(TouchMemory(), 0.3)
+    memory = motion.remember(TouchMemory(), 0.3, elapsed_s=0.1)
     assert motion.limits(memory, 0.0) == (motion.floor_pitch, pytest.approx(0.2 * 0.3))
-    memory = motion.remember(memory, 0.01)
+    memory = motion.remember(memory, 0.01, elapsed_s=0.1)
     assert motion.limits(memory, 0.0) == (motion.floor_pitch, pytest.approx(2.0 * 0.01))
-    memory = motion.remember(memory, 0.2)
+    memory = motion.remember(memory, 0.2, elapsed_s=0.1)
     assert motion.limits(memory, 0.0)[1] == pytest.approx(0.2 * 0.3)
     assert motion.limits(memory, 0.01) == (pytest.approx(0.03), pytest.approx(0.06))
 
 
 def test_what_a_pad_keeps_is_a_share_of_a_recent_press() -> None:
     motion = LocalMotion()
-    memory = motion.remember(TouchMemory(), 0.3)
+    memory = motion.remember(TouchMemory(), 0.3, elapsed_s=0.1)
     assert motion.is_surely_kept(0.0599 * 0.3, memory)
     assert not motion.is_surely_kept(0.0601 * 0.3, memory)
-    for _ in range(69):  # half of the press is left
-        memory = motion.remember(memory, 0.01)
-    assert motion.is_surely_kept(0.0299 * 0.3, memory)
-    assert not motion.is_surely_kept(0.0301 * 0.3, memory)
+    for _ in range(round(10.0 * motion.fade_s * np.log(2.0))):  # half of the press is left
+        memory = motion.remember(memory, 0.01, elapsed_s=0.1)
+    assert motion.is_surely_kept(0.0298 * 0.3, memory)
+    assert not motion.is_surely_kept(0.0302 * 0.3, memory)
 
 
 def test_a_touch_lasts_above_what_untouched_sheets_show_and_what_is_left_of_a_press() -> None:

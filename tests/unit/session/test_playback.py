@@ -202,7 +202,7 @@ def found_in(reading: Reading) -> list[tuple[object, ...]]:
 
 @pytest.mark.parametrize("method", ["perimeter", pytest.param("paper", marks=pytest.mark.slow)])
 def test_a_frame_has_the_same_contacts_after_a_jump_as_from_playing(pressed: Path, method: str) -> None:
-    job = prepare(pressed, method=method)
+    job = prepare(pressed, method=method, fps=500.0)
     played = {reading.frame.index: found_in(reading) for reading in job.readings()}
     touched = next(place for place, contacts in played.items() if contacts) + 8
     playback = Playback(prepare(pressed, method=method, fps=500.0), stays=True)

@@ -9,6 +9,7 @@ from jaxtyping import Float64, Int64
 
 from manytouch.estimation.contact_finder import MarkerMotion
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState, nowhere
+from manytouch.estimation.frame_interval import elapsed_s, remaining
 from manytouch.estimation.load.displacement_load import DisplacementLoad
 from manytouch.estimation.load.load_estimator import LoadEstimate, LoadEstimator
 from manytouch.estimation.load.load_map import LoadMap
@@ -39,6 +40,7 @@ class LoadContactState:
         tracks: of the contacts.
         groups: of neighbouring markers; None where the load alone decides.
         touch: local motions of the frames before.
+        timestamp_ns: time of the last frame; None: not known, or there was none.
     """
 
     camera: Camera
@@ -52,6 +54,7 @@ class LoadContactState:
     tracks: ContactTrackerState
     groups: MarkerGroups | None = None
     touch: TouchMemory = field(default_factory=TouchMemory)
+    timestamp_ns: int | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -75,7 +78,7 @@ class LoadContactFinder:
         load: source of the load.
         peaks: which peaks of the load are contacts.
         tracker: assigns contacts to those of the previous frame.
-        drift: share of the remaining displacement that a frame without contacts adds to `rest_mm`.
+        drift_s: time constant with which `rest_mm` follows the displacements in frames without contacts.
         assumed_centre_std_pitch: standard deviation of a centre along each axis added because view
             or sheet are assumed, in pitches.
         most_depth_std_pitch: largest standard deviation of a depth that is not two of them away from zero, in
@@ -86,7 +89,7 @@ class LoadContactFinder:
     load: LoadEstimator = field(default_factory=DisplacementLoad)
     peaks: LoadPeakFinder = field(default_factory=LoadPeakFinder)
     tracker: ContactTracker = field(default_factory=ContactTracker)
-    drift: float = 0.01
+    drift_s: float = 3.3
     assumed_centre_std_pitch: float = 0.0
     most_depth_std_pitch: float | None = None
     local_motion: LocalMotion | None = None
@@ -129,7 +132,11 @@ class LoadContactFinder:
             state = replace(state, load=self.load.update_rest(state.load, grid, 0))
         displacement_mm = motion.displacement_mm - state.rest_mm
         load = self.load.estimate_load(state.load, grid, displacement_mm, motion.std_mm)
-        state, peaks, evidence = self._peaks(state, grid, load, displacement_mm, motion.std_mm)
+        passed_s = elapsed_s(state.timestamp_ns, grid.timestamp_ns)
+        state = replace(state, timestamp_ns=grid.timestamp_ns)
+        state, peaks, evidence = self._peaks(
+            state, grid, load, displacement_mm, motion.std_mm, passed_s=passed_s
+        )
         if len(peaks.load):
             centre_mm = self.load.refine(state.load, load, peaks.centre_mm)
             peaks = replace(peaks, centre_mm=_within(state.camera, state.bounds_mm, centre_mm))
@@ -147,11 +154,14 @@ class LoadContactFinder:
             is_loaded=is_loaded,
             status=grid.status,
         )
-        state = replace(state, tracks=tracks, recent_load=self.peaks.fade(peaks, state.recent_load))
+        recent_load = self.peaks.fade(peaks, state.recent_load, elapsed_s=passed_s)
+        state = replace(state, tracks=tracks, recent_load=recent_load)
         if evidence.may_drift and grid.status is Status.OK and not tracks.tracks and len(peaks.load) == 0:
             state = replace(
                 state,
-                rest_mm=read_only(state.rest_mm + self.drift * displacement_mm),
+                rest_mm=read_only(
+                    state.rest_mm + (1.0 - remaining(passed_s, self.drift_s)) * displacement_mm
+                ),
                 load=self.load.update_rest(state.load, grid, state.rest_frames),
                 rest_frames=state.rest_frames + 1,
             )
@@ -168,6 +178,8 @@ class LoadContactFinder:
         load: LoadEstimate,
         displacement_mm: Points2,
         std_mm: float,
+        *,
+        passed_s: float,
     ) -> tuple[LoadContactState, LoadPeaks, _Evidence]:
         """The peaks that are contacts, and the state that remembers the local motion of the frame."""
         motion, groups = self.local_motion, state.groups
@@ -178,7 +190,7 @@ class LoadContactFinder:
         least, touch = motion.limits(state.touch, std_mm / groups.pitch_mm, was_touched=was_touched)
         largest = float(local.max())
         if grid.status is Status.OK:
-            state = replace(state, touch=motion.remember(state.touch, largest))
+            state = replace(state, touch=motion.remember(state.touch, largest, elapsed_s=passed_s))
         if largest <= least:
             return state, self.peaks.none(load), _Evidence(may_drift=largest <= 0.5 * least)
         if largest <= touch:

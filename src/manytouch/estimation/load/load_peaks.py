@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.estimation.frame_interval import remaining
 from manytouch.estimation.load.load_estimator import LoadEstimate
 from manytouch.values.arrays import Mask, Points2, Scalars
 
@@ -46,7 +47,7 @@ class LoadPeakFinder:
             contact; a sheet that creeps back or settles after its frame was moved stays below.
         stay_load: least load times pitch of a contact that continues.
         creep_share: share of an earlier press that a soft sheet keeps for a while; no contact is below it.
-        creep_memory: factor by which an earlier press fades from frame to frame.
+        creep_s: time constant with which an earlier press fades.
         noise_stds: a new contact exceeds this many standard deviations of the noise, a lasting one half of
             it.
         start_share: a new contact exceeds this share of the strongest load in the frame.
@@ -61,7 +62,7 @@ class LoadPeakFinder:
     start_load: float = 0.02
     stay_load: float = 0.015
     creep_share: float = 0.2
-    creep_memory: float = 0.98
+    creep_s: float = 1.65
     noise_stds: float = 6.0
     start_share: float = 0.45
     stay_share: float = 0.4
@@ -144,9 +145,9 @@ class LoadPeakFinder:
         """No contacts: nothing on the sheet has moved."""
         return _no_peaks(load.load_map.divisor, float("inf"))
 
-    def fade(self, peaks: LoadPeaks, recent_load: float) -> float:
-        """The strongest load of this frame and of those before, which fades."""
-        return float(max([self.creep_memory * recent_load, *peaks.load.tolist()]))
+    def fade(self, peaks: LoadPeaks, recent_load: float, *, elapsed_s: float) -> float:
+        """The strongest load of this frame and of those before, which fades, so long after the last one."""
+        return float(max([remaining(elapsed_s, self.creep_s) * recent_load, *peaks.load.tolist()]))
 
 
 def chosen_peaks(peaks: LoadPeaks, keep: Mask) -> LoadPeaks:

@@ -156,6 +156,7 @@ class MechanicsEstimator:
         """Surface and contacts of the next frame. It never raises; an unusable frame has a status."""
         if self.pad is not None and not isinstance(state, MechanicsState):
             return self.pad.step(state, grid)
+        state = state.at_time(grid.timestamp_ns)
         model, rules = state.model, self.undescribed_frames
         if model.is_assumed:
             state = replace(state, without_sheet=rules.step(state.without_sheet, grid))
@@ -239,8 +240,8 @@ class MechanicsEstimator:
             grid: of the frame.
             fit: without a body force.
         """
-        estimator, frames = self.gauss_newton.body_force, state.tracks.touching_frames
-        if state.shape.body_force is not None or frames.max(initial=0) > estimator.most_frames:
+        estimator, ages_s = self.gauss_newton.body_force, state.tracks.touching_s + state.elapsed_s
+        if state.shape.body_force is not None or ages_s.max(initial=0.0) > estimator.most_s:
             return fit
         body_force = estimator.first(
             state.model,
@@ -285,6 +286,7 @@ class MechanicsEstimator:
             posterior=state.posterior,
             posterior_frames=state.posterior_frames,
             posterior_worst_chi2=state.posterior_worst_chi2,
+            elapsed_s=state.elapsed_s,
         )
 
     def information(self, state: MechanicsState, grid: TrackedGrid, measured_px: Points2) -> Covariances2:
@@ -347,12 +349,15 @@ class MechanicsEstimator:
             may_start=may_start.tolist(),
             is_loaded=lambda contact: self.contact_rules.may_last(model, own_mm2, contact, noise),
             status=status,
+            elapsed_s=state.elapsed_s,
         )
-        slip, contacts = self.slip_detector(state.slip, contacts, model.pitch_mm)
+        slip, contacts = self.slip_detector(state.slip, contacts, model.pitch_mm, elapsed_s=state.elapsed_s)
         reach_mm, chosen = self.rigid_faces.same_centre_pitch * model.pitch_mm, np.flatnonzero(is_pressed)
         nodal_mm2 = fit.shape.force_mm2[:, 2]
         previous = state.previous.followed_by(clusters.select(chosen), nodal_mm2, reach_mm)
-        earlier_mm2 = self.kept_forces.after(model.nodes, state.earlier_mm2, -nodal_mm2)
+        earlier_mm2 = self.kept_forces.after(
+            model.nodes, state.earlier_mm2, -nodal_mm2, elapsed_s=state.elapsed_s
+        )
         return replace(state, tracks=tracks, slip=slip, previous=previous, earlier_mm2=earlier_mm2), contacts
 
     def _step_undescribed(
@@ -368,7 +373,7 @@ class MechanicsEstimator:
             found = rules.step(found, grid)
         surface = unknown_surface(model.layout, grid.status) if found.surface is None else found.surface
         tracks, contacts = self.contact_tracker.step(
-            state.tracks, found.touching, is_loaded=may_last, status=grid.status
+            state.tracks, found.touching, is_loaded=may_last, status=grid.status, elapsed_s=state.elapsed_s
         )
         after = replace(state, tracks=tracks, without_sheet=found)
         if grid.status is Status.OK and not found.is_touched:
@@ -380,5 +385,7 @@ class MechanicsEstimator:
     ) -> tuple[MechanicsState, Surface, Contacts]:
         """A frame with too few markers or whose fit failed: the surface is not known, and contacts wait."""
         status = reason if grid.status is Status.OK else grid.status
-        tracks, contacts = self.contact_tracker.step(state.tracks, (), status=status)
+        tracks, contacts = self.contact_tracker.step(
+            state.tracks, (), status=status, elapsed_s=state.elapsed_s
+        )
         return replace(state, tracks=tracks), unknown_surface(state.model.layout, status), contacts

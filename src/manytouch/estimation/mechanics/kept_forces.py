@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.estimation.frame_interval import remaining
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes, largest_around, sum_around
 from manytouch.values.arrays import Scalars, read_only
@@ -23,18 +24,18 @@ class KeptForces:
         share: standard deviation of what remains of a force when it is released, over that force. Gels keep
             .03 of a press, rubber up to .15 (ADR 50).
         least_stds: a contact has at least this many of these deviations.
-        fade: factor by which what may remain becomes smaller from frame to frame: a choice.
+        fade_s: time constant with which what may remain becomes smaller: a choice.
         growth: what remains of a press does not grow; it is at most this factor of the present forces near
             it, or of the least force of a contact.
-        least_fade: the least such factor in a frame whose forces show less than may remain: the inversion is
-            some frames behind a quick release.
+        least_fade_s: the least such time constant, of frames whose forces show less than may remain: the
+            inversion is behind a quick release.
     """
 
     share: float = 0.03
     least_stds: float = 2.0
-    fade: float = 0.99
+    fade_s: float = 6.6
     growth: float = 2.0
-    least_fade: float = 0.85
+    least_fade_s: float = 0.41
 
     def without_kept(
         self, nodes: ForceNodes, clusters: Clusters, earlier_mm2: Float64[np.ndarray, " nodes"]
@@ -69,6 +70,8 @@ class KeptForces:
         nodes: ForceNodes,
         earlier_mm2: Float64[np.ndarray, " nodes"],
         normal_mm2: Float64[np.ndarray, " nodes"],
+        *,
+        elapsed_s: float,
     ) -> Float64[np.ndarray, " nodes"]:
         """The earlier forces (nodes,) of the next frame.
 
@@ -76,10 +79,11 @@ class KeptForces:
             nodes: of the sheet.
             earlier_mm2: (nodes,) those of this frame.
             normal_mm2: (nodes,) nodal normal forces over E of this frame, positive in compression.
+            elapsed_s: time since the frame before.
         """
         now_mm2 = np.maximum(normal_mm2, 0.0)
-        kept_mm2 = np.maximum(self.fade * earlier_mm2, now_mm2)
+        kept_mm2 = np.maximum(remaining(elapsed_s, self.fade_s) * earlier_mm2, now_mm2)
         most_mm2 = self.growth * np.maximum(sum_around(nodes, now_mm2), nodes.least_force_mm2)
         may_mm2 = self.least_stds * self.share * sum_around(nodes, kept_mm2)
         excess = np.maximum(may_mm2 / most_mm2, 1.0)
-        return read_only(kept_mm2 * np.maximum(1.0 / excess, self.least_fade))
+        return read_only(kept_mm2 * np.maximum(1.0 / excess, remaining(elapsed_s, self.least_fade_s)))

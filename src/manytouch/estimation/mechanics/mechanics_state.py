@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.contact_tracker import ContactTrackerState
+from manytouch.estimation.frame_interval import USUAL_S, elapsed_s
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, EarlierClusters, PreviousContacts
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
@@ -60,6 +61,8 @@ class MechanicsState:
         without_sheet: surface and contacts without a model of the sheet.
         undescribed: number of frames in a row that the sheet did not describe.
         unlike: the same, without those in which the markers hardly moved.
+        timestamp_ns: time of the last frame; None: not known, or there was none.
+        elapsed_s: time between that frame and the one before.
     """
 
     model: InversionModel
@@ -88,6 +91,8 @@ class MechanicsState:
     without_sheet: WithoutSheet
     undescribed: int = 0
     unlike: int = 0
+    timestamp_ns: int | None = None
+    elapsed_s: float = USUAL_S
 
     @property
     def touching_mm(self) -> Points2:
@@ -102,7 +107,7 @@ class MechanicsState:
         return PreviousContacts(
             centre_mm=self.touching_mm[is_chosen],
             normal_mm2=normal_mm2[is_chosen],
-            frames=self.tracks.touching_frames[is_chosen],
+            age_s=self.tracks.touching_s[is_chosen] + self.elapsed_s,
         )
 
     def with_fit(self, fit: Fit) -> "MechanicsState":
@@ -126,10 +131,17 @@ class MechanicsState:
         state = replace(self, shape=rest, posterior=None, posterior_frames=0)
         return replace(state, response=None, response_is_due=False)
 
+    def at_time(self, timestamp_ns: int | None) -> "MechanicsState":
+        """The state in which the frame of this time begins."""
+        passed_s = elapsed_s(self.timestamp_ns, timestamp_ns)
+        return replace(self, timestamp_ns=timestamp_ns, elapsed_s=passed_s)
+
     def with_drift(self, drift: ReferenceDrift, grid: TrackedGrid) -> "MechanicsState":
         """The state with the reference that follows a frame in which nothing touches the sheet."""
         before_px, first_px = self.reference_px, self.initial_reference_px
-        return replace(self, reference_px=drift(before_px, first_px, grid, self.pitch_px))
+        passed_s = self.elapsed_s
+        reference_px = drift(before_px, first_px, grid, self.pitch_px, elapsed_s=passed_s)
+        return replace(self, reference_px=reference_px)
 
     def surface(
         self,

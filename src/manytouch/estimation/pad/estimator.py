@@ -15,6 +15,7 @@ from jaxtyping import Float64
 from manytouch.blas_threads import limit_blas_threads
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
 from manytouch.estimation.excess_noise import ExcessNoise
+from manytouch.estimation.frame_interval import elapsed_s
 from manytouch.estimation.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
 from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.pad.contacts.pad_contacts import PadContacts
@@ -53,6 +54,7 @@ class PadState:
         refused_misfit: misfit of the frame in which another contact or profile was last tried in vain; 0
             if none was.
         slip, tracks: of the contacts.
+        timestamp_ns: time of the last frame; None: not known, or there was none.
     """
 
     model: BondedPadModel
@@ -69,6 +71,7 @@ class PadState:
     refused_misfit: float = 0.0
     slip: SlipState
     tracks: ContactTrackerState
+    timestamp_ns: int | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -168,12 +171,13 @@ class PadEstimator:
             status = Status.FEW_MARKERS if grid.status is Status.OK else grid.status
             tracks, contacts = self.contact_tracker.step(state.tracks, (), status=status)
             return replace(state, tracks=tracks), unknown_surface(model.layout, status), contacts
+        passed_s = elapsed_s(state.timestamp_ns, grid.timestamp_ns)
         measured, touch = self._measured(state, grid), state.touch
         fit, refused_misfit = self._fit_contacts(state, measured)
         shape = pad_shape(model, fit)
         found = self.pad_contacts(model, fit, shape)
         if grid.status is Status.OK:
-            touch = self.local_motion.remember(touch, measured.local_pitch)
+            touch = self.local_motion.remember(touch, measured.local_pitch, elapsed_s=passed_s)
         may_be_kept = not measured.is_touched and measured.local_pitch <= self.local_motion.kept(touch)
         is_sure = may_be_kept and self.local_motion.is_surely_kept(measured.local_pitch, touch)
         is_kept = np.array([is_sure or (may_be_kept and not self._is_clear(each)) for each in found], bool)
@@ -185,18 +189,16 @@ class PadEstimator:
         least_mm = self.least_depth * model.thickness_mm
         force_std_mm2 = np.sqrt(misfit_scale(fit)) * fit.force_std_mm2
         start_stds = self.start_stds if self._last_stds(fit.patches, measured) > 0.0 else 0.0
-        may_start = [
-            bool(not contact.depth_mm < least_mm and force >= start_stds * std)
-            for contact, force, std in zip(found, fit.force_mm2, force_std_mm2, strict=True)
-        ]
+        is_deep = np.array([not contact.depth_mm < least_mm for contact in found], bool)
+        may_start = is_deep & (fit.force_mm2 >= start_stds * force_std_mm2)
         tracks, contacts = self.contact_tracker.step(
             state.tracks,
             found,
-            may_start=may_start,
+            may_start=may_start.tolist(),
             is_loaded=lambda old: bool(fit.patches.are_near(old.centre_mm[None], 2.0 * model.pitch_mm)[0]),
             status=grid.status,
         )
-        slip, contacts = self.slip_detector(state.slip, contacts, model.pitch_mm)
+        slip, contacts = self.slip_detector(state.slip, contacts, model.pitch_mm, elapsed_s=passed_s)
         after = replace(
             state,
             patches=fit.patches,
@@ -208,12 +210,12 @@ class PadEstimator:
             touch=touch,
             slip=slip,
             tracks=tracks,
+            timestamp_ns=grid.timestamp_ns,
         )
         if grid.status is Status.OK and len(fit.patches) == 0 and not tracks.tracks:
-            reference_px = self.reference_drift(
-                state.reference_px, state.initial_reference_px, grid, model.pitch_px
-            )
-            after = replace(after, reference_px=reference_px)
+            before_px, first_px = state.reference_px, state.initial_reference_px
+            now_px = self.reference_drift(before_px, first_px, grid, model.pitch_px, elapsed_s=passed_s)
+            after = replace(after, reference_px=now_px)
         return after, self._surface(model, fit, found, shape, grid), contacts
 
     def _is_clear(self, contact: Contact) -> bool:
@@ -323,13 +325,11 @@ class PadEstimator:
         std_px = np.sqrt(noise_px2 + self.image_error(state.model, state.around, larger_px2, noise_px2))
         # a marker that moves like its neighbours is no outlier, also where the model does not explain it:
         # else those under a contact would be lost first
-        neighbour = state.neighbours.index
-        gates = [
-            self.outlier_gate(each, std_px, grid.is_seen, neighbour)
-            for each in (moved_px - linear_px, moved_px)
-        ]
+        is_seen, neighbour = grid.is_seen, state.neighbours.index
+        moves_px = (moved_px - linear_px, moved_px)
+        gates = [self.outlier_gate(each, std_px, is_seen, neighbour) for each in moves_px]
         moved_mm = state.model.pitch_mm / state.model.pitch_px * moved_px
-        local_pitch = float(self.local_motion(state.groups, moved_mm, grid.is_seen).max())
+        local_pitch = float(self.local_motion(state.groups, moved_mm, is_seen).max())
         noise_pitch = float(np.sqrt(median(noise_px2))) / state.model.pitch_px
         return MeasuredImages(
             moved_px=moved_px,

@@ -24,7 +24,7 @@ ESSENTIAL = {
     ),
     "estimate.contact_tracker.bridge_frames": ("Gap within a contact", "frames"),
     "estimate.contact_finder.tracker.bridge_frames": ("Gap within a contact", "frames"),
-    "estimate.reference_drift.share": ("Drift of the reference", "per frame"),
+    "estimate.reference_drift.time_constant_s": ("Time constant of the drift of the reference", "s"),
     "detect.threshold": ("Threshold", "grey levels"),
     "detect.kernel_px": ("Side of the opening", "px"),
     "detect.minimum_area_px2": ("Smallest dot", "px²"),
@@ -44,7 +44,15 @@ FURTHER = {
 }
 """Label and unit of others that every method has; shown first with `paper`, where they are found by trial."""
 
-UNITS = {"_px2": "px²", "_px": "px", "_mm": "mm", "_pitch": "pitches", "_rad": "rad", "_frames": "frames"}
+UNITS = {
+    "_px2": "px²",
+    "_px": "px",
+    "_mm": "mm",
+    "_pitch": "pitches",
+    "_rad": "rad",
+    "_frames": "frames",
+    "_s": "s",
+}
 
 
 @cache

@@ -142,6 +142,7 @@ def unpacked(message: NewReading, sensor: Sensor) -> Reading:
             is_seen=message.is_seen,
             frames_unseen=(~message.is_seen).astype(np.int64),
             status=of_grid,
+            timestamp_ns=message.frame.timestamp_ns,
         ),
         surface=Surface(**fields, covariance_mm2=_unknown(count, 3, 3), status=of_surface),
         contacts=message.contacts,

@@ -88,12 +88,32 @@ def test_what_may_remain_fades_and_follows_what_is_left() -> None:
     nodes, rule = MechanicsEstimator().start(slack_sensor()).model.nodes, KeptForces()
     press_mm2 = np.zeros(len(nodes.place_mm))
     press_mm2[len(press_mm2) // 2 + 3] = 1.0
-    held = rule.after(nodes, np.zeros_like(press_mm2), press_mm2)
+    held = rule.after(nodes, np.zeros_like(press_mm2), press_mm2, elapsed_s=0.1)
     assert held.tolist() == press_mm2.tolist()
-    creeping = rule.after(nodes, held, 0.05 * press_mm2)
-    assert creeping.max() == pytest.approx(rule.fade)
-    gone = rule.after(nodes, held, 0.0 * press_mm2)
-    assert gone.max() == pytest.approx(rule.fade * rule.least_fade)
+    creeping = rule.after(nodes, held, 0.05 * press_mm2, elapsed_s=0.1)
+    assert creeping.max() == pytest.approx(np.exp(-0.1 / rule.fade_s))
+    gone = rule.after(nodes, held, 0.0 * press_mm2, elapsed_s=0.1)
+    assert gone.max() == pytest.approx(np.exp(-0.1 / rule.fade_s - 0.1 / rule.least_fade_s))
     for _ in range(100):
-        gone = rule.after(nodes, gone, 0.0 * press_mm2)
+        gone = rule.after(nodes, gone, 0.0 * press_mm2, elapsed_s=0.1)
     assert rule.least_stds * rule.share * gone.sum() <= rule.growth * nodes.least_force_mm2
+
+
+def test_what_may_remain_fades_as_fast_at_every_frame_rate() -> None:
+    nodes, rule = MechanicsEstimator().start(slack_sensor()).model.nodes, KeptForces()
+    press_mm2 = np.zeros(len(nodes.place_mm))
+    press_mm2[len(press_mm2) // 2 + 3] = 1.0
+    found = []
+    for fps in (15, 120):
+        kept_mm2 = press_mm2
+        for _ in range(fps):
+            kept_mm2 = rule.after(nodes, kept_mm2, 0.05 * press_mm2, elapsed_s=1.0 / fps)
+        found.append(kept_mm2.max())
+    assert found == pytest.approx([np.exp(-1.0 / rule.fade_s)] * 2)
+
+
+def test_a_hollow_that_remains_is_no_contact_at_a_high_frame_rate() -> None:
+    fps = 120.0
+    after = [crept(0.05 * np.exp(-0.5 * frame / fps), seed=10 + frame) for frame in range(200)]
+    timed = [replace(grid, timestamp_ns=round(1e9 * k / fps)) for k, grid in enumerate(PRESS + after)]
+    assert not any(counts(timed)[len(PRESS) + 10 :])

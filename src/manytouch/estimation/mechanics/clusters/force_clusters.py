@@ -197,12 +197,12 @@ class PreviousContacts:
     Attributes:
         centre_mm: (p, 2).
         normal_mm2: (p,) normal force over E, positive in compression.
-        frames: (p,) number of frames that showed each of them.
+        age_s: (p,) for how long there has been each of them in this frame.
     """
 
     centre_mm: Float64[np.ndarray, "p 2"]
     normal_mm2: Float64[np.ndarray, " p"]
-    frames: Int64[np.ndarray, " p"]
+    age_s: Float64[np.ndarray, " p"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

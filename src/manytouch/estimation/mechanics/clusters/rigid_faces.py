@@ -7,7 +7,7 @@ addition, clusters that fulfil it are joined ("as strong" is by the depth that a
 sheet gives way less near a clamp)
 
 - if there are four or more, their depths are on one plane, and the sheet is flat between each and two others,
-  unless two of them have been contacts for some frames;
+  unless two of them have been contacts for some time;
 - if there are three in a row whose depths are on one line, unless two of them were contacts in the previous
   frame;
 - if there are two, and a bar explains the markers as well as two patches do (`bars`);
@@ -64,9 +64,9 @@ class _Frame:
         depth_mm: (c,) depth of the sheet at their centres.
         rise_mm: (c, c) by how much the sheet between two of them is less deep than the line.
         alone_mm: (c,) depths that their forces would cause one by one on the sheet at rest.
-        frames: (c,) number of frames for which there has been a contact at their centres, or 0.
+        age_s: (c,) for how long there has been a contact at their centres; 0 where there was none.
         was_apart: (c, c) pairs that were two contacts in the previous frame.
-        was_long_apart: (c, c) those of them that have been for more than `RigidFaces.undecided_frames`.
+        was_long_apart: (c, c) those of them that have been for more than `RigidFaces.undecided_s`.
         previous, earlier: contacts and clusters of the previous frame.
         evidence_at: gives the likelihood of the forces of some nodes.
     """
@@ -76,7 +76,7 @@ class _Frame:
     depth_mm: Scalars
     rise_mm: Float64[np.ndarray, "c c"]
     alone_mm: Scalars
-    frames: Numbers
+    age_s: Scalars
     was_apart: Pairs
     was_long_apart: Pairs
     previous: PreviousContacts
@@ -100,9 +100,9 @@ class RigidFaces:
             3.4 to 4.0 apart.
         min_pair_elements: least distance of two or three clusters that began together, in elements; nearer
             ones are joined only if they continue one contact.
-        undecided_frames: four clusters or more may be one face as long as no two of them were contacts, one
-            for more than so many frames: its corners need not be seen at once. Compared were 0, 3, 5 and 8.
-            Two or three clusters began together if these numbers differ by no more.
+        undecided_s: four clusters or more may be one face as long as no two of them were contacts, one for
+            longer than this: its corners need not be seen at once. Compared were 0, 3, 5 and 8 frames of
+            1/15 s. Two or three clusters began together if these times differ by no more.
         same_centre_pitch: clusters continue a contact of the previous frame if the centre of their forces is
             within this distance of its centre, in pitches.
         max_jump: two clusters among others of which one is about as deep, or far apart with a contact between
@@ -142,7 +142,7 @@ class RigidFaces:
     resolved_thickness: float = 4.0
     kept_thickness: float = 3.2
     min_pair_elements: float = 4.5
-    undecided_frames: int = 3
+    undecided_s: float = 0.23
     same_centre_pitch: float = 0.4
     max_jump: float = 2.0
     min_between: float = 0.15
@@ -219,17 +219,17 @@ class RigidFaces:
             for reach_pitch in (self.reach_pitch, self.same_centre_pitch)
         )
         was_apart = (near[:, None] >= 0) & (near >= 0) & (near[:, None] != near)
-        frames = np.append(previous.frames, 0)
-        longer = np.maximum.outer(frames[near], frames[near])
+        age_s = np.append(previous.age_s, 0.0)
+        longer_s = np.maximum.outer(age_s[near], age_s[near])
         return _Frame(
             model=model,
             clusters=clusters,
             depth_mm=depth_mm,
             rise_mm=rise_mm,
             alone_mm=clusters.normal_mm2 * model.compliance_per_mm(clusters.centre_mm),
-            frames=frames[same],
+            age_s=age_s[same],
             was_apart=was_apart,
-            was_long_apart=was_apart & (longer > self.undecided_frames),
+            was_long_apart=was_apart & (longer_s > self.undecided_s),
             previous=previous,
             earlier=earlier,
             evidence_at=evidence_at,
@@ -393,7 +393,7 @@ class RigidFaces:
         extent_mm = float(np.linalg.norm(np.ptp(frame.clusters.centre_mm[own], axis=0)))
         return bool(
             len(own) < _PLANE
-            and (was_one or np.ptp(frame.frames[own]) <= self.undecided_frames)
+            and (was_one or np.ptp(frame.age_s[own]) <= self.undecided_s)
             and (was_one or extent_mm >= self.min_pair_elements * float(frame.model.nodes.element_mm.max()))
             and alone_mm.min() >= min_ratio * alone_mm.max()
             and np.ptp(depth_mm) <= off_share * depth_mm.max() + self.rise_mm

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.estimation.frame_interval import remaining
 from manytouch.estimation.mechanics.inversion.iterate import Iterate, balance
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.inversion.sheet_shape import BodyForce, SheetShape
@@ -30,13 +31,13 @@ class BodyForceEstimator:
     Attributes:
         std_g: standard deviation of the difference of the acceleration from that at rest; 0 if the sensor is
             fixed. Turned upside down it is 2 along z.
-        memory: share of the acceleration of a frame that is expected in the next one.
+        memory_s: time constant with which the acceleration that is expected falls off to that at rest.
         most_g: largest estimate.
         least_change_g: smaller changes are left out.
         model_share: relative standard deviation of the effect of a body force. In the model a sheet at rest
             is flat, but a slack one hangs and is stiffer than that.
-        most_frames: a first estimate is made at most so many frames after the first contact: forces that
-            stand for a body force are found as contacts.
+        most_s: a first estimate is made at most so long after the first contact: forces that stand for a
+            body force are found as contacts.
         least_gain: least decrease of the objective by a first estimate.
         least_share: the same, over what the forces add to the objective beyond that at rest. Presses have up
             to 0.42, a body force 0.7 and more when it is clear (ADR 176).
@@ -51,11 +52,11 @@ class BodyForceEstimator:
     """
 
     std_g: float = 1.0
-    memory: float = 0.98
+    memory_s: float = 1.65
     most_g: float = 2.5
     least_change_g: float = 0.01
     model_share: float = 0.1
-    most_frames: int = 15
+    most_s: float = 0.51
     least_gain: float = 5.0
     least_share: float = 0.6
     pull_force: float = 5.0
@@ -119,8 +120,20 @@ class BodyForceEstimator:
         is_at_rest = cost <= self.most_rest_growth * before
         return before + self.rest_share * (cost - before) if is_at_rest else before
 
+    def expected(self, before: BodyForce | None, elapsed_s: float) -> BodyForce | None:
+        """What is expected of the body force of the next frame, so long after that of a frame."""
+        if before is None:
+            return None
+        kept = remaining(elapsed_s, self.memory_s)
+        more_g2 = (1.0 - kept**2) * self.std_g**2 * np.eye(3)
+        return BodyForce(
+            acceleration_g=read_only(kept * before.acceleration_g),
+            covariance_g2=read_only(kept**2 * before.covariance_g2 + more_g2),
+            force_mm2=read_only(kept * before.force_mm2),
+        )
+
     def __call__(
-        self, model: InversionModel, posterior: Posterior, here: Iterate, before: BodyForce | None
+        self, model: InversionModel, posterior: Posterior, here: Iterate, expected: BodyForce | None
     ) -> Iterate:
         """The iterate after the part of a step along the acceleration.
 
@@ -128,17 +141,15 @@ class BodyForceEstimator:
             model: of the sheet.
             posterior: of the part of the step along the coefficients, which led here.
             here: unchanged if its shape has no body force.
-            before: the body force of the frame before.
+            expected: of the body force, from `expected`.
         """
         now = here.shape.body_force
-        if now is None or before is None:
+        if now is None or expected is None:
             return here
         response = _response(model, posterior)
-        kept = self.memory**2
-        prior_g2 = kept * before.covariance_g2 + (1.0 - kept) * self.std_g**2 * np.eye(3)
-        prior = np.linalg.inv(prior_g2)
+        prior = np.linalg.inv(expected.covariance_g2)
         gradient = np.einsum("kni,ni->k", response.balance_mm2, posterior.weight * here.balance_mm2)
-        gradient -= prior @ (now.acceleration_g - self.memory * before.acceleration_g)
+        gradient -= prior @ (now.acceleration_g - expected.acceleration_g)
         covariance_g2 = np.linalg.inv(response.information + prior)
         there_g = np.clip(now.acceleration_g + covariance_g2 @ gradient, -self.most_g, self.most_g)
         change_g = there_g - now.acceleration_g

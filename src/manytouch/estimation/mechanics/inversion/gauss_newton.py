@@ -29,12 +29,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.estimation.frame_interval import USUAL_S
 from manytouch.estimation.mechanics.inversion.beyond_markers import BeyondMarkers
 from manytouch.estimation.mechanics.inversion.body_force_estimator import BodyForceEstimator
 from manytouch.estimation.mechanics.inversion.force_nodes import smooth
 from manytouch.estimation.mechanics.inversion.iterate import Iterate
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
-from manytouch.estimation.mechanics.inversion.sheet_shape import SheetShape
+from manytouch.estimation.mechanics.inversion.sheet_shape import BodyForce, SheetShape
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.solver.posterior import Posterior
 from manytouch.values import Status
@@ -163,6 +164,7 @@ class GaussNewton:
         posterior: Posterior | None = None,
         posterior_frames: int = 0,
         posterior_worst_chi2: float = 0.0,
+        elapsed_s: float = USUAL_S,
     ) -> Fit:
         """Fits the shape to one frame.
 
@@ -178,12 +180,14 @@ class GaussNewton:
             posterior: of an earlier frame; the first step is taken with it.
             posterior_frames: number of frames since then.
             posterior_worst_chi2: that of the last full step.
+            elapsed_s: time since the frame before.
         """
+        expected = self.body_force.expected(start.body_force, elapsed_s)
         here = Iterate.at(model, start, measured_px, information, usual_std_px)
         if posterior is not None:
             there = self._try_chord_step(model, posterior, here)
             if there is not None:
-                here = self.body_force(model, posterior, there, start.body_force)
+                here = self.body_force(model, posterior, there, expected)
                 if here.chi2 <= self.poor_chi2 and self._is_as_stiff(model, posterior, here):
                     share = self.convergence_share if posterior_frames < self.max_posterior_frames else 0.0
                     most_chi2 = self.max_worst_growth * max(posterior_worst_chi2, self.poor_chi2)
@@ -200,9 +204,17 @@ class GaussNewton:
                             break
                         if not is_grown or posterior.reweightings == self.max_reweightings:
                             return self._fit(model, here, posterior, steps=0)
-        return self._iterate(model, start, here, noise)
+        return self._iterate(model, start, here, noise, expected=expected)
 
-    def _iterate(self, model: InversionModel, start: SheetShape, here: Iterate, noise: float) -> Fit:
+    def _iterate(
+        self,
+        model: InversionModel,
+        start: SheetShape,
+        here: Iterate,
+        noise: float,
+        *,
+        expected: BodyForce | None,
+    ) -> Fit:
         """Full steps until the forces converge; a reweighted step replaces the second one where it can."""
         steps, status = 0, Status.OK
         while True:
@@ -215,7 +227,7 @@ class GaussNewton:
             if there is None:
                 status = Status.NOT_CONVERGED
                 break
-            there = self.body_force(model, posterior, there, start.body_force)
+            there = self.body_force(model, posterior, there, expected)
             gain, before_mm2, here = here.chi2 - there.chi2, here.shape.force_mm2, there
             steps += 1
             if here.chi2 > self.poor_chi2 and gain > self.min_gain * here.chi2:

@@ -94,7 +94,7 @@ def joined(
     force_mm2: list[float],
     previous_mm: np.ndarray = NO_CONTACT,
     *,
-    previous_frames: int = 9,
+    previous_s: float = 0.6,
     previous_mm2: float = 1.0,
     earlier: EarlierClusters = NO_CLUSTERS,
     evidence: Evidence | None = None,
@@ -121,7 +121,7 @@ def joined(
         PreviousContacts(
             centre_mm=previous_mm,
             normal_mm2=np.full(len(previous_mm), previous_mm2),
-            frames=np.full(len(previous_mm), previous_frames),
+            age_s=np.full(len(previous_mm), previous_s),
         ),
         earlier=earlier,
     )
@@ -242,22 +242,22 @@ def test_four_forces_in_a_row_are_one_bar_if_the_sheet_is_flat_under_them(
 
 
 @pytest.mark.parametrize(
-    ("before", "frames", "count"), [((), 9, 1), ((0,), 9, 1), ((0, 3), 4, 4), ((0, 3), 3, 1)]
+    ("before", "previous_s", "count"), [((), 0.6, 1), ((0,), 0.6, 1), ((0, 3), 0.27, 4), ((0, 3), 0.2, 1)]
 )
 def test_four_forces_on_a_plane_are_one_face_unless_two_of_them_have_been_apart(
-    before: tuple[int, ...], frames: int, count: int
+    before: tuple[int, ...], previous_s: float, count: int
 ) -> None:
     place_mm = np.array([[-10.0, -6.0], [10.0, -6.0], [10.0, 6.0], [-10.0, 6.0]])
-    found = joined(place_mm, [1.0] * 4, [0.01] * 4, place_mm[list(before)], previous_frames=frames)
+    found = joined(place_mm, [1.0] * 4, [0.01] * 4, place_mm[list(before)], previous_s=previous_s)
     assert len(found) == count
 
 
 @pytest.mark.parametrize("count", [2, 3])
-@pytest.mark.parametrize(("frames", "is_one"), [(3, True), (4, False)])
-def test_forces_are_one_face_only_if_they_began_together(count: int, frames: int, is_one: bool) -> None:
-    """One of them has been a contact for some frames, at its own place."""
+@pytest.mark.parametrize(("previous_s", "is_one"), [(0.2, True), (0.27, False)])
+def test_forces_are_one_face_only_if_they_began_together(count: int, previous_s: float, is_one: bool) -> None:
+    """One of them has been a contact for some time, at its own place."""
     place_mm = np.array([[-8.0, -6.0], [8.0, -6.0], [8.0, 6.0]])[:count]
-    found = joined(place_mm, [1.0] * count, [0.01] * count, place_mm[:1], previous_frames=frames)
+    found = joined(place_mm, [1.0] * count, [0.01] * count, place_mm[:1], previous_s=previous_s)
     assert len(found) == (1 if is_one else count)
 
 
@@ -325,7 +325,7 @@ def test_a_body_with_two_ends_may_tilt_next_to_another(depth_mm: float, count: i
 @pytest.mark.parametrize("count", [2, 3])
 def test_fewer_forces_that_were_apart_stay_apart(count: int) -> None:
     place_mm = row_mm(14.0, count)
-    found = joined(place_mm, [1.0] * count, [0.01] * count, place_mm, previous_frames=1)
+    found = joined(place_mm, [1.0] * count, [0.01] * count, place_mm, previous_s=0.07)
     assert len(found) == count
     assert len(joined(place_mm, [1.0] * count, [0.01] * count)) == 1
 

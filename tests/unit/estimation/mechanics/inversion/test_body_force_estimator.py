@@ -16,6 +16,7 @@ from manytouch.estimation.mechanics.inversion.body_force_estimator import (
 )
 from manytouch.estimation.mechanics.inversion.iterate import balance
 from manytouch.estimation.mechanics.inversion.sheet_model import NominalSheet
+from manytouch.estimation.mechanics.inversion.sheet_shape import BodyForce
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.simulation.fem.contact.indenters import Sphere
@@ -166,8 +167,8 @@ def test_light_presses_all_over_a_soft_sheet_are_no_body_force(
 def test_a_body_force_does_not_begin_under_a_contact_that_has_lasted() -> None:
     """Its forces are those of an object, whatever else would explain them."""
     shapes = [shape_mm(each) for each in TURN]
-    for most_frames, begins in ((15, True), (-1, False)):
-        *_, (state, contacts) = steps(shapes, most_frames=most_frames)
+    for most_s, begins in ((0.5, True), (-1.0, False)):
+        *_, (state, contacts) = steps(shapes, most_s=most_s)
         assert (state.shape.body_force is not None) == begins
         assert bool(contacts.touching) != begins
 
@@ -248,3 +249,28 @@ def noisy(grid: TrackedGrid, seed: int) -> TrackedGrid:
         position_px=read_only(grid.position_px + chance.normal(0.0, NOISE_PX, grid.position_px.shape)),
         covariance_px2=read_only(np.tile(NOISE_PX**2 * np.eye(2), (len(grid.is_seen), 1, 1))),
     )
+
+
+def test_what_is_expected_of_a_body_force_depends_on_the_time_and_not_on_the_frame_rate() -> None:
+    known = BodyForce(
+        acceleration_g=np.array([0.5, 0.0, -1.0]), covariance_g2=0.01 * np.eye(3), force_mm2=np.ones((4, 3))
+    )
+    estimator = BodyForceEstimator()
+    once = estimator.expected(known, 0.2)
+    twice = estimator.expected(estimator.expected(known, 0.05), 0.15)
+    for name in ("acceleration_g", "covariance_g2", "force_mm2"):
+        np.testing.assert_allclose(getattr(once, name), getattr(twice, name))
+    assert estimator.expected(None, 0.2) is None
+
+
+@pytest.mark.parametrize(("fps", "begins"), [(30.0, False), (120.0, True)])
+def test_how_long_a_contact_lasts_before_a_body_force_is_a_time(fps: float, begins: bool) -> None:
+    """Forces that stand for the weight have been contacts for 18 frames: 0.6 s or 0.15 s."""
+    fixed, turns = estimator_of(std_g=0.0), estimator_of()
+    state, model = fixed.start(soft_sensor()), NominalSheet()(soft_sensor(), 0.02)
+    for number in range(20):
+        shape = shape_mm(turned(0.0 if number < 2 else 0.5))
+        grid = grid_of(model, shape, noise_px=NOISE_PX, seed=number)
+        grid = replace(grid, timestamp_ns=round(1e9 * number / fps))
+        state, _, _ = (turns if number == 19 else fixed).step(state, grid)
+    assert (state.shape.body_force is not None) == begins
