@@ -197,7 +197,8 @@ def track_frames(
         else:
             detections, grid = views[0].step(frame)
         _protect(detections)
-        grid = replace(grid, timestamp_ns=frame.timestamp_ns)
+        if grid.timestamp_ns != frame.timestamp_ns:
+            grid = replace(grid, timestamp_ns=frame.timestamp_ns)
         spent_ms = 1e3 * (time.perf_counter() - begin_s)
         yield TrackedFrame(frame=frame, detections=detections, grid=grid, milliseconds=spent_ms)
     if not several:

@@ -116,7 +116,7 @@ class Simulator:
         )
         return Frame(
             index=index,
-            timestamp_ns=round(index * 1e9 / self.fps),
+            timestamp_ns=self._timestamp_ns(index),
             camera=f"sim-{self.scene.name}",
             image=image,
             encoded=encoded,
@@ -161,6 +161,9 @@ class Simulator:
     def _time_s(self, index: int) -> float:
         return index / self.fps
 
+    def _timestamp_ns(self, index: int) -> int:
+        return round(index * 1e9 / self.fps)
+
     def _outline_at(self, time_s: float) -> Points3:
         return self._outline_mm + self._outline(time_s)
 
@@ -203,7 +206,7 @@ class Simulator:
             covariance_px2=read_only(np.where(is_seen[:, None, None], np.zeros((2, 2)), np.nan)),
             is_seen=read_only(is_seen),
             frames_unseen=read_only(np.where(is_seen, 0, index + 1).astype(np.int64)),
-            timestamp_ns=round(self._time_s(index) * 1e9),
+            timestamp_ns=self._timestamp_ns(index),
         )
 
     def _contacts(self, index: int) -> Contacts:
