@@ -4,11 +4,12 @@ An arrangement is the set of frames between which no group of markers has moved.
 again and again, so the score of an arrangement is the number of its frames times the number of its separate
 visits. Of two arrangements with similar scores, the pressed one is that in which the markers of one place
 have spread apart: an incompressible pad swells sideways under a press, and what comes nearer to the camera
-grows in the image. The constants are explained in ADR 51, ADR 131 and ADR 143.
+grows in the image. The constants are explained in ADR 51, ADR 131, ADR 143 and ADR 178.
 """
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float64
@@ -37,6 +38,10 @@ _DOUBT_SHARE = 0.5
 is clearly pressed."""
 
 
+_CLEAR_VISITS = 3
+"""A sheet that returned so often to an arrangement, nearly, rests there and not where it was once."""
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RestArrangement:
     """Frames that show the markers at the same positions.
@@ -60,6 +65,11 @@ class MarkerComparison:
         self._motion = LocalMotion(refinements=4)
         self._groups = marker_groups(rest_px, self._pitch_px)
         self._spacing = marker_spacing(rest_px, rest_px.mean(axis=0), nearest_neighbours(rest_px))
+
+    @property
+    def creep_share(self) -> float:
+        """Share of a press that a sheet may keep after it."""
+        return self._motion.creep_share
 
     def usual_motion(self, before_px: Points2, after_px: Points2) -> float:
         """Length in pitches that 80 % of the motions do not exceed; infinite where too few are seen."""
@@ -168,10 +178,13 @@ def least_pressed(
     if not found:
         return None, False
     best, is_doubtful = found[0], False
+    is_returned_to = _visits(found, best, compare) >= _CLEAR_VISITS
     for rival in found[1:]:
         if rival.score < _RIVAL_SHARE * found[0].score:
             break
         if len(rival.frames) < FEWEST_STILL:
+            continue
+        if is_returned_to and _visits(found, rival, compare) == 1:
             continue
         skewness = compare.area_skewness(best.position_px, rival.position_px)
         if skewness < -_CLEAR_SKEWNESS:
@@ -179,6 +192,15 @@ def least_pressed(
         elif skewness < _CLEAR_SKEWNESS and rival.score > _DOUBT_SHARE * best.score:
             is_doubtful = True
     return best, is_doubtful
+
+
+def _visits(found: list[RestArrangement], one: RestArrangement, compare: MarkerComparison) -> int:
+    """Number of separate visits to an arrangement and to those that creep may separate from it."""
+    away = [compare.group_motion(one.position_px, each.position_px) for each in found]
+    reach = compare.creep_share * max(each for each in away if np.isfinite(each))
+    is_near = {frame: far <= reach for each, far in zip(found, away, strict=True) for frame in each.frames}
+    in_order = [is_near[frame] for frame in sorted(is_near)]
+    return int(in_order[0]) + sum(not before and now for before, now in pairwise(in_order))
 
 
 def _median(position_px: Float64[np.ndarray, "f m 2"]) -> Points2:

@@ -90,6 +90,15 @@ def test_a_moment_of_a_slow_press_is_no_rest() -> None:
     assert found.doubt is None
 
 
+def test_what_is_seen_once_is_no_rest_where_the_sheet_came_back_again_and_again() -> None:
+    """In five frames the markers of one place have contracted, as those of a membrane may under a press."""
+    crept = 0.1 * np.roll(GRIP, 1, axis=1) * [1.0, -1.0]
+    once, press = (-0.5 * GRIP, 5), (GRIP, 4)
+    found = settled([(FREE, 5), press, (FREE, 4), once, (crept, 24)], FREE)
+    assert error_px(found.sensor) < 4.0 * NOISE_PX
+    assert found.doubt is None
+
+
 def test_a_weak_press_during_which_the_camera_moves_is_no_rest() -> None:
     """It moves markers by less than what counts as motion, and its frames are between those of both views."""
     weak, moved = 0.04 * GRIP, np.array([1.5, 0.0])
