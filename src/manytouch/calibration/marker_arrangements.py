@@ -197,7 +197,7 @@ def least_pressed(
 def _visits(found: list[RestArrangement], one: RestArrangement, compare: MarkerComparison) -> int:
     """Number of separate visits to an arrangement and to those that creep may separate from it."""
     away = [compare.group_motion(one.position_px, each.position_px) for each in found]
-    reach = compare.creep_share * max(each for each in away if np.isfinite(each))
+    reach = compare.creep_share * max((each for each in away if np.isfinite(each)), default=0.0)
     is_near = {frame: far <= reach for each, far in zip(found, away, strict=True) for frame in each.frames}
     in_order = [is_near[frame] for frame in sorted(is_near)]
     return int(in_order[0]) + sum(not before and now for before, now in pairwise(in_order))
