@@ -39,7 +39,7 @@ is clearly pressed."""
 
 
 _CLEAR_VISITS = 3
-"""A sheet that returned so often to an arrangement, nearly, rests there and not where it was once."""
+"""A sheet that returned so often to an arrangement, nearly, rests there, not where it was once: a choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

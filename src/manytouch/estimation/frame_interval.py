@@ -8,7 +8,7 @@ LONGEST_S = 1.0
 """Longest interval that counts: what was not seen for longer is not known from one frame."""
 
 
-def elapsed_s(before_ns: int | None, now_ns: int | None) -> float:
+def interval_s(before_ns: int | None, now_ns: int | None) -> float:
     """Time since the frame before in s; `USUAL_S` where the times do not show it, at most `LONGEST_S`.
 
     Args:

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from manytouch.estimation.frame_interval import LONGEST_S, USUAL_S, elapsed_s, remaining
+from manytouch.estimation.frame_interval import LONGEST_S, USUAL_S, interval_s, remaining
 
 
 @pytest.mark.parametrize(
@@ -21,7 +21,7 @@ from manytouch.estimation.frame_interval import LONGEST_S, USUAL_S, elapsed_s, r
 def test_the_time_since_the_frame_before(
     before_ns: int | None, now_ns: int | None, expected_s: float
 ) -> None:
-    assert elapsed_s(before_ns, now_ns) == pytest.approx(expected_s)
+    assert interval_s(before_ns, now_ns) == pytest.approx(expected_s)
 
 
 def test_what_is_left_is_that_of_all_intervals_together() -> None:

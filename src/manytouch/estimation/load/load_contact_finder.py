@@ -9,7 +9,7 @@ from jaxtyping import Float64, Int64
 
 from manytouch.estimation.contact_finder import MarkerMotion
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState, nowhere
-from manytouch.estimation.frame_interval import elapsed_s, remaining
+from manytouch.estimation.frame_interval import interval_s, remaining
 from manytouch.estimation.load.displacement_load import DisplacementLoad
 from manytouch.estimation.load.load_estimator import LoadEstimate, LoadEstimator
 from manytouch.estimation.load.load_map import LoadMap
@@ -132,10 +132,10 @@ class LoadContactFinder:
             state = replace(state, load=self.load.update_rest(state.load, grid, 0))
         displacement_mm = motion.displacement_mm - state.rest_mm
         load = self.load.estimate_load(state.load, grid, displacement_mm, motion.std_mm)
-        passed_s = elapsed_s(state.timestamp_ns, grid.timestamp_ns)
+        elapsed_s = interval_s(state.timestamp_ns, grid.timestamp_ns)
         state = replace(state, timestamp_ns=grid.timestamp_ns)
         state, peaks, evidence = self._peaks(
-            state, grid, load, displacement_mm, motion.std_mm, passed_s=passed_s
+            state, grid, load, displacement_mm, motion.std_mm, elapsed_s=elapsed_s
         )
         if len(peaks.load):
             centre_mm = self.load.refine(state.load, load, peaks.centre_mm)
@@ -154,13 +154,13 @@ class LoadContactFinder:
             is_loaded=is_loaded,
             status=grid.status,
         )
-        recent_load = self.peaks.fade(peaks, state.recent_load, elapsed_s=passed_s)
+        recent_load = self.peaks.fade(peaks, state.recent_load, elapsed_s=elapsed_s)
         state = replace(state, tracks=tracks, recent_load=recent_load)
         if evidence.may_drift and grid.status is Status.OK and not tracks.tracks and len(peaks.load) == 0:
             state = replace(
                 state,
                 rest_mm=read_only(
-                    state.rest_mm + (1.0 - remaining(passed_s, self.drift_s)) * displacement_mm
+                    state.rest_mm + (1.0 - remaining(elapsed_s, self.drift_s)) * displacement_mm
                 ),
                 load=self.load.update_rest(state.load, grid, state.rest_frames),
                 rest_frames=state.rest_frames + 1,
@@ -179,7 +179,7 @@ class LoadContactFinder:
         displacement_mm: Points2,
         std_mm: float,
         *,
-        passed_s: float,
+        elapsed_s: float,
     ) -> tuple[LoadContactState, LoadPeaks, _Evidence]:
         """The peaks that are contacts, and the state that remembers the local motion of the frame."""
         motion, groups = self.local_motion, state.groups
@@ -190,7 +190,7 @@ class LoadContactFinder:
         least, touch = motion.limits(state.touch, std_mm / groups.pitch_mm, was_touched=was_touched)
         largest = float(local.max())
         if grid.status is Status.OK:
-            state = replace(state, touch=motion.remember(state.touch, largest, elapsed_s=passed_s))
+            state = replace(state, touch=motion.remember(state.touch, largest, elapsed_s=elapsed_s))
         if largest <= least:
             return state, self.peaks.none(load), _Evidence(may_drift=largest <= 0.5 * least)
         if largest <= touch:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.contact_tracker import ContactTrackerState
-from manytouch.estimation.frame_interval import USUAL_S, elapsed_s
+from manytouch.estimation.frame_interval import USUAL_S, interval_s
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, EarlierClusters, PreviousContacts
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
@@ -133,14 +133,13 @@ class MechanicsState:
 
     def at_time(self, timestamp_ns: int | None) -> "MechanicsState":
         """The state in which the frame of this time begins."""
-        passed_s = elapsed_s(self.timestamp_ns, timestamp_ns)
-        return replace(self, timestamp_ns=timestamp_ns, elapsed_s=passed_s)
+        elapsed_s = interval_s(self.timestamp_ns, timestamp_ns)
+        return replace(self, timestamp_ns=timestamp_ns, elapsed_s=elapsed_s)
 
     def with_drift(self, drift: ReferenceDrift, grid: TrackedGrid) -> "MechanicsState":
         """The state with the reference that follows a frame in which nothing touches the sheet."""
         before_px, first_px = self.reference_px, self.initial_reference_px
-        passed_s = self.elapsed_s
-        reference_px = drift(before_px, first_px, grid, self.pitch_px, elapsed_s=passed_s)
+        reference_px = drift(before_px, first_px, grid, self.pitch_px, elapsed_s=self.elapsed_s)
         return replace(self, reference_px=reference_px)
 
     def surface(

@@ -15,7 +15,7 @@ from jaxtyping import Float64
 from manytouch.blas_threads import limit_blas_threads
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
 from manytouch.estimation.excess_noise import ExcessNoise
-from manytouch.estimation.frame_interval import elapsed_s
+from manytouch.estimation.frame_interval import interval_s
 from manytouch.estimation.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
 from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.pad.contacts.pad_contacts import PadContacts
@@ -171,13 +171,13 @@ class PadEstimator:
             status = Status.FEW_MARKERS if grid.status is Status.OK else grid.status
             tracks, contacts = self.contact_tracker.step(state.tracks, (), status=status)
             return replace(state, tracks=tracks), unknown_surface(model.layout, status), contacts
-        passed_s = elapsed_s(state.timestamp_ns, grid.timestamp_ns)
+        elapsed_s = interval_s(state.timestamp_ns, grid.timestamp_ns)
         measured, touch = self._measured(state, grid), state.touch
         fit, refused_misfit = self._fit_contacts(state, measured)
         shape = pad_shape(model, fit)
         found = self.pad_contacts(model, fit, shape)
         if grid.status is Status.OK:
-            touch = self.local_motion.remember(touch, measured.local_pitch, elapsed_s=passed_s)
+            touch = self.local_motion.remember(touch, measured.local_pitch, elapsed_s=elapsed_s)
         may_be_kept = not measured.is_touched and measured.local_pitch <= self.local_motion.kept(touch)
         is_sure = may_be_kept and self.local_motion.is_surely_kept(measured.local_pitch, touch)
         is_kept = np.array([is_sure or (may_be_kept and not self._is_clear(each)) for each in found], bool)
@@ -198,7 +198,7 @@ class PadEstimator:
             is_loaded=lambda old: bool(fit.patches.are_near(old.centre_mm[None], 2.0 * model.pitch_mm)[0]),
             status=grid.status,
         )
-        slip, contacts = self.slip_detector(state.slip, contacts, model.pitch_mm, elapsed_s=passed_s)
+        slip, contacts = self.slip_detector(state.slip, contacts, model.pitch_mm, elapsed_s=elapsed_s)
         after = replace(
             state,
             patches=fit.patches,
@@ -214,7 +214,7 @@ class PadEstimator:
         )
         if grid.status is Status.OK and len(fit.patches) == 0 and not tracks.tracks:
             before_px, first_px = state.reference_px, state.initial_reference_px
-            now_px = self.reference_drift(before_px, first_px, grid, model.pitch_px, elapsed_s=passed_s)
+            now_px = self.reference_drift(before_px, first_px, grid, model.pitch_px, elapsed_s=elapsed_s)
             after = replace(after, reference_px=now_px)
         return after, self._surface(model, fit, found, shape, grid), contacts
 
